@@ -1,0 +1,3 @@
+//! Managed serial ports.
+#![no_std]
+#![forbid(unsafe_code)]

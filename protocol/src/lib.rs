@@ -1,0 +1,3 @@
+//! Modbus on a serial line.
+#![no_std]
+#![forbid(unsafe_code)]

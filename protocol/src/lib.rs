@@ -1,3 +1,45 @@
-//! Modbus on a serial line.
+//! Modbus on a serial line: bytes to meaning, and back.
+//!
+//! The crate knows no pins, no tasks and no clock. It is compiled for an ATmega328P with 2 KB of RAM as well as for a PC, so
+//! it allocates nothing, keeps no table in RAM on AVR, formats no text and does no 64-bit arithmetic.
+//!
+//! | module | what it is |
+//! |---|---|
+//! | [`crc`] | the check of an RTU frame, byte by byte |
+//! | [`format`](mod@format) | data bits, parity and stop bits of a character |
+//! | [`timing`] | character time, t1.5 and t3.5 in the caller's ticks |
+//! | [`rtu`] | a frame put together and taken apart byte by byte, or whole |
+//! | [`function`], [`exception`] | codes and limits of the standard |
+//! | [`data`] | blocks of coils and registers as they stand in a frame |
+//! | [`server`] | a request in, an answer out, in one buffer |
+//! | [`registers`] | dense banks of registers and coils for a data model |
+//!
+//! # Sources
+//!
+//! `APP` is the *MODBUS Application Protocol Specification V1.1b3*, `SER` the *MODBUS over Serial Line Specification and
+//! Implementation Guide V1.02*, both of modbus.org.
 #![no_std]
 #![forbid(unsafe_code)]
+
+pub mod crc;
+pub mod data;
+pub mod exception;
+pub mod format;
+pub mod function;
+pub mod registers;
+pub mod rtu;
+pub mod server;
+pub mod timing;
+
+/// The unit id that every server listens to and none answers (SER 2.2).
+pub const BROADCAST: u8 = 0;
+
+/// Unit ids a server may have, both ends included; 248..=255 are reserved (SER 2.2).
+pub const UNIT_MIN: u8 = 1;
+/// See [`UNIT_MIN`].
+pub const UNIT_MAX: u8 = 247;
+
+/// The buffer a frame lives in from the first byte received to the last byte sent: the longest RTU frame (SER 2.5.1).
+///
+/// The size lets a `u8` be the index, which costs no bounds check.
+pub type Adu = [u8; 256];

@@ -1,0 +1,226 @@
+//! Blocks of coils and registers in the shape they have in a frame.
+//!
+//! A data model is lent the bytes of the frame itself, so a value is copied once: from the application's memory to the wire,
+//! or back.
+
+/// Registers of a write request, to be read: big endian in the frame (APP 4.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Registers<'a> {
+    pairs: &'a [[u8; 2]],
+}
+
+impl<'a> Registers<'a> {
+    /// The registers in `bytes`, high byte first; an odd last byte is left out.
+    #[inline]
+    pub const fn new(bytes: &'a [u8]) -> Registers<'a> {
+        Registers {
+            pairs: bytes.as_chunks().0,
+        }
+    }
+
+    /// How many there are.
+    #[inline]
+    pub const fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Whether there are none. In a request there always is one.
+    #[inline]
+    pub const fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+
+    /// The register at this place in the block, from 0.
+    #[inline]
+    pub fn get(&self, index: usize) -> Option<u16> {
+        self.pairs.get(index).map(|pair| u16::from_be_bytes(*pair))
+    }
+
+    /// All of them in order.
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = u16> + 'a {
+        self.pairs.iter().map(|pair| u16::from_be_bytes(*pair))
+    }
+
+    /// Copies them to `cells`, as far as both go.
+    #[inline]
+    pub fn copy_to(&self, cells: &mut [u16]) {
+        for (cell, pair) in cells.iter_mut().zip(self.pairs) {
+            *cell = u16::from_be_bytes(*pair);
+        }
+    }
+}
+
+/// Registers of an answer, to be filled in: big endian in the frame (APP 4.2), 0 as long as nothing is set.
+#[derive(Debug)]
+pub struct RegistersOut<'a> {
+    pairs: &'a mut [[u8; 2]],
+}
+
+impl<'a> RegistersOut<'a> {
+    /// Registers to be written to `bytes`, high byte first; an odd last byte is left out.
+    #[inline]
+    pub const fn new(bytes: &'a mut [u8]) -> RegistersOut<'a> {
+        RegistersOut {
+            pairs: bytes.as_chunks_mut().0,
+        }
+    }
+
+    /// How many are asked for.
+    #[inline]
+    pub const fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Whether none is asked for. In a request it always is at least one.
+    #[inline]
+    pub const fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+
+    /// Sets the register at this place in the block, from 0.
+    ///
+    /// # Panics
+    ///
+    /// If `index` is not under [`len`](RegistersOut::len).
+    #[inline]
+    pub fn set(&mut self, index: usize, value: u16) {
+        self.pairs[index] = value.to_be_bytes();
+    }
+
+    /// Sets all of them in order from `values`, as far as both go.
+    #[inline]
+    pub fn fill_from(&mut self, values: impl IntoIterator<Item = u16>) {
+        for (pair, value) in self.pairs.iter_mut().zip(values) {
+            *pair = value.to_be_bytes();
+        }
+    }
+
+    /// Copies `cells` to them, as far as both go.
+    #[inline]
+    pub fn copy_from(&mut self, cells: &[u16]) {
+        for (pair, cell) in self.pairs.iter_mut().zip(cells) {
+            *pair = cell.to_be_bytes();
+        }
+    }
+}
+
+/// Coils of a write request, to be read: eight to a byte, the first in the lowest bit (APP 6.11).
+#[derive(Clone, Copy, Debug)]
+pub struct Coils<'a> {
+    bytes: &'a [u8],
+    count: u16,
+}
+
+impl<'a> Coils<'a> {
+    /// `count` coils in `bytes`, or as many as there are.
+    #[inline]
+    pub const fn new(bytes: &'a [u8], count: u16) -> Coils<'a> {
+        Coils {
+            bytes,
+            count: count_in(bytes, count),
+        }
+    }
+
+    /// How many there are.
+    #[inline]
+    pub const fn len(&self) -> u16 {
+        self.count
+    }
+
+    /// Whether there are none. In a request there always is one.
+    #[inline]
+    pub const fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// The coil at this place in the block, from 0.
+    #[inline]
+    pub fn get(&self, index: u16) -> Option<bool> {
+        if index >= self.count {
+            return None;
+        }
+        self.bytes
+            .get(usize::from(index >> 3))
+            .map(|byte| byte >> (index & 7) & 1 != 0)
+    }
+
+    /// All of them in order.
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = bool> + 'a {
+        let coils = *self;
+        (0..self.count).map_while(move |index| coils.get(index))
+    }
+
+    /// The bytes as they are in the frame. Bits behind the last coil mean nothing and may be set.
+    #[inline]
+    pub const fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+}
+
+/// Coils or discrete inputs of an answer, to be filled in: eight to a byte, the first in the lowest bit (APP 6.1), off as
+/// long as nothing is set.
+#[derive(Debug)]
+pub struct CoilsOut<'a> {
+    bytes: &'a mut [u8],
+    count: u16,
+}
+
+impl<'a> CoilsOut<'a> {
+    /// `count` coils in `bytes`, or as many as there is room for.
+    #[inline]
+    pub const fn new(bytes: &'a mut [u8], count: u16) -> CoilsOut<'a> {
+        let count = count_in(bytes, count);
+        CoilsOut { bytes, count }
+    }
+
+    /// How many are asked for.
+    #[inline]
+    pub const fn len(&self) -> u16 {
+        self.count
+    }
+
+    /// Whether none is asked for. In a request it always is at least one.
+    #[inline]
+    pub const fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Sets the coil at this place in the block, from 0.
+    ///
+    /// # Panics
+    ///
+    /// If `index` is not under [`len`](CoilsOut::len).
+    #[inline]
+    pub fn set(&mut self, index: u16, on: bool) {
+        assert!(index < self.count);
+        let byte = &mut self.bytes[usize::from(index >> 3)];
+        let bit = 1 << (index & 7);
+        *byte = if on { *byte | bit } else { *byte & !bit };
+    }
+
+    /// Sets all of them in order from `values`, as far as both go.
+    #[inline]
+    pub fn fill_from(&mut self, values: impl IntoIterator<Item = bool>) {
+        for (index, on) in (0..self.count).zip(values) {
+            self.set(index, on);
+        }
+    }
+
+    /// The bytes as they will be in the frame, one for each eight coils begun. What is set behind the last coil is cleared
+    /// before the answer goes out.
+    #[inline]
+    pub const fn bytes_mut(&mut self) -> &mut [u8] {
+        self.bytes
+    }
+}
+
+const fn count_in(bytes: &[u8], count: u16) -> u16 {
+    let room = bytes.len();
+    if room < 8192 && count > (room as u16) << 3 {
+        (room as u16) << 3
+    } else {
+        count
+    }
+}

@@ -1,0 +1,140 @@
+//! The format of a character on the line.
+
+/// Parity of a character.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Parity {
+    /// No parity bit.
+    None,
+    /// An even number of ones, parity bit included.
+    Even,
+    /// An odd number of ones, parity bit included.
+    Odd,
+}
+
+/// Data bits, parity and stop bits, by the name they go by.
+///
+/// RTU needs eight data bits; the standard has 8E1 as default and 8N2 where there is no parity (SER 2.5.1), most devices in
+/// the field use 8N1. Seven data bits are for ASCII (SER 2.5.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum LineFormat {
+    /// Eight data bits, no parity, one stop bit.
+    F8N1,
+    /// Eight data bits, even parity, one stop bit.
+    F8E1,
+    /// Eight data bits, odd parity, one stop bit.
+    F8O1,
+    /// Eight data bits, no parity, two stop bits.
+    F8N2,
+    /// Seven data bits, even parity, one stop bit.
+    F7E1,
+    /// Seven data bits, odd parity, one stop bit.
+    F7O1,
+    /// Seven data bits, no parity, two stop bits.
+    F7N2,
+}
+
+impl LineFormat {
+    /// All there are.
+    pub const ALL: [LineFormat; 7] = [
+        LineFormat::F8N1,
+        LineFormat::F8E1,
+        LineFormat::F8O1,
+        LineFormat::F8N2,
+        LineFormat::F7E1,
+        LineFormat::F7O1,
+        LineFormat::F7N2,
+    ];
+
+    /// Data bits: 7 or 8.
+    pub const fn data_bits(self) -> u8 {
+        match self {
+            LineFormat::F8N1 | LineFormat::F8E1 | LineFormat::F8O1 | LineFormat::F8N2 => 8,
+            LineFormat::F7E1 | LineFormat::F7O1 | LineFormat::F7N2 => 7,
+        }
+    }
+
+    /// Parity.
+    pub const fn parity(self) -> Parity {
+        match self {
+            LineFormat::F8N1 | LineFormat::F8N2 | LineFormat::F7N2 => Parity::None,
+            LineFormat::F8E1 | LineFormat::F7E1 => Parity::Even,
+            LineFormat::F8O1 | LineFormat::F7O1 => Parity::Odd,
+        }
+    }
+
+    /// Stop bits: 1 or 2.
+    pub const fn stop_bits(self) -> u8 {
+        match self {
+            LineFormat::F8N2 | LineFormat::F7N2 => 2,
+            _ => 1,
+        }
+    }
+
+    /// Bit times of a whole character: start, data, parity and stop bits, 10 or 11.
+    pub const fn character_bits(self) -> u8 {
+        let parity = match self.parity() {
+            Parity::None => 0,
+            Parity::Even | Parity::Odd => 1,
+        };
+        1 + self.data_bits() + parity + self.stop_bits()
+    }
+
+    /// The format of this name, such as `"8E1"`; `None` for any other text. Upper case only.
+    pub const fn from_name(name: &str) -> Option<LineFormat> {
+        Some(match name.as_bytes() {
+            b"8N1" => LineFormat::F8N1,
+            b"8E1" => LineFormat::F8E1,
+            b"8O1" => LineFormat::F8O1,
+            b"8N2" => LineFormat::F8N2,
+            b"7E1" => LineFormat::F7E1,
+            b"7O1" => LineFormat::F7O1,
+            b"7N2" => LineFormat::F7N2,
+            _ => return None,
+        })
+    }
+
+    /// The name, such as `"8E1"`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            LineFormat::F8N1 => "8N1",
+            LineFormat::F8E1 => "8E1",
+            LineFormat::F8O1 => "8O1",
+            LineFormat::F8N2 => "8N2",
+            LineFormat::F7E1 => "7E1",
+            LineFormat::F7O1 => "7O1",
+            LineFormat::F7N2 => "7N2",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_say_what_the_bits_are() {
+        for format in LineFormat::ALL {
+            let name = format.name().as_bytes();
+            assert_eq!(LineFormat::from_name(format.name()), Some(format));
+            assert_eq!(format.data_bits(), name[0] - b'0');
+            let parity = match name[1] {
+                b'N' => Parity::None,
+                b'E' => Parity::Even,
+                _ => Parity::Odd,
+            };
+            assert_eq!(format.parity(), parity);
+            assert_eq!(format.stop_bits(), name[2] - b'0');
+        }
+        assert_eq!(
+            LineFormat::ALL.map(LineFormat::character_bits),
+            [10, 11, 11, 11, 10, 10, 10]
+        );
+    }
+
+    #[test]
+    fn other_names_are_refused() {
+        for name in ["", "8N", "8N3", "8e1", "7N1", "9N1", "8N1 "] {
+            assert_eq!(LineFormat::from_name(name), None, "{name}");
+        }
+    }
+}

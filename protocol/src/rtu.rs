@@ -1,0 +1,287 @@
+//! The RTU frame: unit id, PDU, CRC (SER 2.5.1).
+//!
+//! On a microcontroller [`Reception`] and [`Transmission`] run in the interrupt: the CRC is computed byte by byte while the
+//! frame is on its way, so that nothing is left to compute in the silence behind it. What they hand over and take is the
+//! frame without the CRC, `[unit, function, data...]` in an [`Adu`]. [`encode`] and [`decode`] do the same for a frame that
+//! is there as a whole.
+
+use core::ops::{BitOr, BitOrAssign};
+
+use crate::{Adu, crc};
+
+/// Bytes of the shortest RTU frame (SER 2.5.1): unit id, function code, CRC.
+pub const ADU_MIN: usize = 4;
+/// Bytes of the longest RTU frame (SER 2.5.1).
+pub const ADU_MAX: usize = 256;
+
+/// Bytes that the CRC adds behind unit id and PDU.
+const CRC_LEN: u8 = 2;
+
+/// What is wrong with a frame; empty if nothing is.
+///
+/// A frame with any flaw is dropped and never answered (SER 2.5.1.1, 2.5.1.3).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Flaws(u8);
+
+impl Flaws {
+    /// Nothing is wrong.
+    pub const NONE: Flaws = Flaws(0);
+    /// A silence over t1.5 inside the frame.
+    pub const GAP: Flaws = Flaws(1 << 0);
+    /// A character with wrong parity.
+    pub const PARITY: Flaws = Flaws(1 << 1);
+    /// A character without its stop bit.
+    pub const FRAMING: Flaws = Flaws(1 << 2);
+    /// A character lost because the one before was not fetched in time.
+    pub const OVERRUN: Flaws = Flaws(1 << 3);
+    /// Under 4 or over 256 bytes.
+    pub const LENGTH: Flaws = Flaws(1 << 4);
+    /// The CRC does not match.
+    pub const CHECK: Flaws = Flaws(1 << 5);
+
+    /// Whether the frame is good.
+    #[inline(always)]
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether all of `other` is among these.
+    #[inline(always)]
+    pub const fn contains(self, other: Flaws) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// These and `other`.
+    #[inline(always)]
+    pub const fn union(self, other: Flaws) -> Flaws {
+        Flaws(self.0 | other.0)
+    }
+
+    /// One bit per flaw, for a log or an atomic.
+    #[inline(always)]
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// The flaws of [`bits`](Flaws::bits); bits without a meaning are dropped.
+    #[inline(always)]
+    pub const fn from_bits(bits: u8) -> Flaws {
+        Flaws(bits & 0x3F)
+    }
+}
+
+impl BitOr for Flaws {
+    type Output = Flaws;
+    #[inline(always)]
+    fn bitor(self, other: Flaws) -> Flaws {
+        self.union(other)
+    }
+}
+
+impl BitOrAssign for Flaws {
+    #[inline(always)]
+    fn bitor_assign(&mut self, other: Flaws) {
+        *self = self.union(other);
+    }
+}
+
+/// A frame that a silence ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// Bytes of unit id and PDU at the start of the buffer, without the CRC: 2..=254 in a frame without flaws, 0..=254 in
+    /// one with.
+    pub len: u8,
+    /// What was wrong with it.
+    pub flaws: Flaws,
+}
+
+/// Puts a frame together as its bytes come in.
+///
+/// The bytes go to a buffer the caller keeps, so that it can be lent on without a copy.
+#[derive(Clone, Copy, Debug)]
+pub struct Reception {
+    crc: u16,
+    len: u8,
+    full: bool,
+    flaws: Flaws,
+}
+
+impl Reception {
+    /// Ready for the first byte of a frame.
+    #[inline(always)]
+    pub const fn new() -> Reception {
+        Reception {
+            crc: crc::INIT,
+            len: 0,
+            full: false,
+            flaws: Flaws::NONE,
+        }
+    }
+
+    /// Forgets what has come in.
+    #[inline(always)]
+    pub fn restart(&mut self) {
+        *self = Reception::new();
+    }
+
+    /// Whether nothing has come in since the start: no byte and no flaw.
+    #[inline(always)]
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0 && !self.full && self.flaws.is_empty()
+    }
+
+    /// Takes the next byte. Those that no longer fit are dropped and make the frame bad.
+    #[inline(always)]
+    pub fn push(&mut self, adu: &mut Adu, byte: u8) {
+        if self.full {
+            self.flaws |= Flaws::LENGTH;
+            return;
+        }
+        adu[usize::from(self.len)] = byte;
+        self.len = self.len.wrapping_add(1);
+        self.full = self.len == 0;
+        self.crc = crc::update(self.crc, byte);
+    }
+
+    /// Notes what the line found wrong.
+    #[inline(always)]
+    pub fn add(&mut self, flaws: Flaws) {
+        self.flaws |= flaws;
+    }
+
+    /// What has come in so far, taken for a whole frame.
+    #[inline]
+    pub const fn finish(&self) -> Heard {
+        let mut flaws = self.flaws;
+        if self.crc != 0 {
+            flaws = flaws.union(Flaws::CHECK);
+        }
+        if self.len < ADU_MIN as u8 && !self.full {
+            return Heard {
+                len: self.len.saturating_sub(CRC_LEN),
+                flaws: flaws.union(Flaws::LENGTH),
+            };
+        }
+        // A full buffer has gone round to 0, and 0 - 2 is 254 as it should be.
+        Heard {
+            len: self.len.wrapping_sub(CRC_LEN),
+            flaws,
+        }
+    }
+}
+
+impl Default for Reception {
+    fn default() -> Reception {
+        Reception::new()
+    }
+}
+
+/// Hands a frame out byte by byte, and its CRC behind it.
+#[derive(Clone, Copy, Debug)]
+pub struct Transmission {
+    crc: u16,
+    position: u8,
+    len: u8,
+    crc_left: u8,
+}
+
+impl Transmission {
+    /// Nothing to send.
+    #[inline(always)]
+    pub const fn new() -> Transmission {
+        Transmission {
+            crc: crc::INIT,
+            position: 0,
+            len: 0,
+            crc_left: 0,
+        }
+    }
+
+    /// Begins a frame of `len` bytes of unit id and PDU, 2..=254.
+    #[inline(always)]
+    pub fn start(&mut self, len: u8) {
+        *self = Transmission {
+            crc: crc::INIT,
+            position: 0,
+            len,
+            crc_left: CRC_LEN,
+        };
+    }
+
+    /// The next byte to send, `None` when the frame is over.
+    #[inline(always)]
+    pub fn next(&mut self, adu: &Adu) -> Option<u8> {
+        if self.position != self.len {
+            let byte = adu[usize::from(self.position)];
+            self.position = self.position.wrapping_add(1);
+            self.crc = crc::update(self.crc, byte);
+            return Some(byte);
+        }
+        if self.crc_left == 0 {
+            return None;
+        }
+        self.crc_left -= 1;
+        let byte = self.crc as u8;
+        self.crc >>= 8;
+        Some(byte)
+    }
+
+    /// Whether [`next`](Transmission::next) has nothing more to give.
+    #[inline(always)]
+    pub const fn is_over(&self) -> bool {
+        // The CRC comes last.
+        self.crc_left == 0
+    }
+}
+
+impl Default for Transmission {
+    fn default() -> Transmission {
+        Transmission::new()
+    }
+}
+
+/// Why a frame cannot be made: the caller's fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EncodeError {
+    /// Unit id and PDU are not 2..=254 bytes.
+    Length,
+    /// The output is too small for the frame.
+    Room,
+}
+
+/// Makes a frame of unit id and PDU: the same bytes with their CRC behind them, at the start of `out`.
+///
+/// # Errors
+///
+/// [`EncodeError`]; `out` is untouched then.
+pub fn encode<'a>(unit_pdu: &[u8], out: &'a mut [u8]) -> Result<&'a [u8], EncodeError> {
+    let len = unit_pdu.len();
+    if !(ADU_MIN - 2..=ADU_MAX - 2).contains(&len) {
+        return Err(EncodeError::Length);
+    }
+    let frame = out.get_mut(..len + 2).ok_or(EncodeError::Room)?;
+    let (body, check) = frame.split_at_mut(len);
+    body.copy_from_slice(unit_pdu);
+    check.copy_from_slice(&crc::checksum(unit_pdu).to_le_bytes());
+    Ok(frame)
+}
+
+/// Unit id and PDU of a whole frame.
+///
+/// # Errors
+///
+/// [`Flaws::LENGTH`], [`Flaws::CHECK`] or both.
+pub fn decode(adu: &[u8]) -> Result<&[u8], Flaws> {
+    let mut flaws = Flaws::NONE;
+    if crc::checksum(adu) != 0 {
+        flaws |= Flaws::CHECK;
+    }
+    if !(ADU_MIN..=ADU_MAX).contains(&adu.len()) {
+        flaws |= Flaws::LENGTH;
+    }
+    if flaws.is_empty() {
+        Ok(&adu[..adu.len() - 2])
+    } else {
+        Err(flaws)
+    }
+}

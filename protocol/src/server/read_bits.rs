@@ -1,0 +1,50 @@
+//! Read Coils and Read Discrete Inputs (APP 6.1, 6.2).
+
+use super::{DataModel, Plan, check_end, two_words};
+use crate::Adu;
+use crate::data::CoilsOut;
+use crate::exception::Exception;
+use crate::function::{READ_BITS_MAX, READ_COILS};
+
+/// Unit id, function code, address, quantity.
+const REQUEST_LEN: u8 = 6;
+
+pub(super) fn prepare<M: DataModel>(
+    model: &mut M,
+    frame: &mut Adu,
+    len: u8,
+) -> Result<Plan, Exception> {
+    let (first, count) = two_words(frame);
+    if len != REQUEST_LEN || count == 0 || count > READ_BITS_MAX {
+        return Err(Exception::IllegalDataValue);
+    }
+    check_end(first, count)?;
+    let byte_count = ((count + 7) >> 3) as u8;
+    frame[2] = byte_count;
+    let code = frame[1];
+    let [_, _, _, bytes @ ..] = frame;
+    let Some(bytes) = bytes.get_mut(..usize::from(byte_count)) else {
+        return Err(Exception::IllegalDataValue);
+    };
+    bytes.fill(0);
+    let out = CoilsOut::new(bytes, count);
+    if code == READ_COILS {
+        model.coils(first, out)?;
+    } else {
+        model.discrete_inputs(first, out)?;
+    }
+    clear_padding(bytes, count);
+    Ok(Plan::Answer {
+        len: byte_count + 3,
+    })
+}
+
+/// Clears the bits behind the last coil: a model may set whole bytes.
+fn clear_padding(bytes: &mut [u8], count: u16) {
+    let used = count as u8 & 7;
+    if used != 0
+        && let Some(last) = bytes.last_mut()
+    {
+        *last &= (1 << used) - 1;
+    }
+}

@@ -1,0 +1,39 @@
+//! Read Holding Registers and Read Input Registers (APP 6.3, 6.4).
+
+use super::{DataModel, Plan, check_end, two_words};
+use crate::Adu;
+use crate::data::RegistersOut;
+use crate::exception::Exception;
+use crate::function::{READ_HOLDING_REGISTERS, READ_REGISTERS_MAX};
+
+/// Unit id, function code, address, quantity.
+const REQUEST_LEN: u8 = 6;
+
+pub(super) fn prepare<M: DataModel>(
+    model: &mut M,
+    frame: &mut Adu,
+    len: u8,
+) -> Result<Plan, Exception> {
+    let (first, count) = two_words(frame);
+    if len != REQUEST_LEN || count == 0 || count > READ_REGISTERS_MAX {
+        return Err(Exception::IllegalDataValue);
+    }
+    check_end(first, count)?;
+    let byte_count = count as u8 * 2;
+    frame[2] = byte_count;
+    let code = frame[1];
+    let [_, _, _, bytes @ ..] = frame;
+    let Some(bytes) = bytes.get_mut(..usize::from(byte_count)) else {
+        return Err(Exception::IllegalDataValue);
+    };
+    bytes.fill(0);
+    let out = RegistersOut::new(bytes);
+    if code == READ_HOLDING_REGISTERS {
+        model.holding_registers(first, out)?;
+    } else {
+        model.input_registers(first, out)?;
+    }
+    Ok(Plan::Answer {
+        len: byte_count + 3,
+    })
+}

@@ -1,3 +1,24 @@
-//! Managed serial ports.
+//! Managed serial ports on Embassy, free of any chip.
+//!
+//! A board implements [`Line`](line::Line) for its USART; everything above it is here: the port with
+//! its configuration, the task that takes frames from the line ([`receive()`]) and the task that
+//! answers them ([`serve()`]). The two share one `embassy_sync` channel. A board wraps both functions
+//! in `#[embassy_executor::task]`.
+//!
+//! Half duplex means one frame at a time: there is one buffer, owned by the line, and it is lent from
+//! the interrupt to the receive task, on to the serve task and back; nothing is copied.
 #![no_std]
 #![forbid(unsafe_code)]
+
+pub mod line;
+pub mod port;
+pub mod receive;
+pub mod serve;
+
+mod message;
+
+pub use line::{Frame, InterCharacter, Line, LineConfig};
+pub use multidrop_protocol as protocol;
+pub use port::{Port, PortConfig};
+pub use receive::receive;
+pub use serve::serve;

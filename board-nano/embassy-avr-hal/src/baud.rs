@@ -1,0 +1,186 @@
+//! Baud rate arithmetic of the USART: the divider nearest to a wanted rate and how far off it is.
+//!
+//! Pure arithmetic, usable at compile time and on any machine. Source: ATmega328P data sheet
+//! (DS40002061B) section 19.3.1, table 19-1: `baud = clock / (m * (UBRR + 1))` with `m` = 16, or 8
+//! with `U2X`.
+
+/// The largest deviation from the wanted rate that is accepted, in parts per million: 2.5 %.
+///
+/// 115200 baud from 16 MHz is 2.1 % off and in use everywhere; the receiver's own tolerance for ten
+/// bits is 3.8 % at normal and 4.4 % at double speed (DS40002061B table 19-2 and 19-3, maximum).
+pub const MAX_ERROR_PPM: u32 = 25_000;
+
+/// The largest value of the 12-bit divider register UBRR0 (DS40002061B section 19.10.5).
+const MAX_UBRR: u32 = 4095;
+
+/// Contents of UBRR0 and U2X0 for one baud rate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Divisor {
+    /// Value for UBRR0, 0..=4095.
+    pub ubrr: u16,
+    /// Whether U2X0 is set: 8 samples a bit in place of 16.
+    pub u2x: bool,
+}
+
+impl Divisor {
+    /// Clock cycles in one bit, 8..=65536.
+    pub const fn cycles_per_bit(self) -> u32 {
+        (self.ubrr as u32 + 1) * if self.u2x { 8 } else { 16 }
+    }
+
+    /// The rate that this divisor makes from `clock_hz`, in baud, rounded to the nearest.
+    pub const fn baud(self, clock_hz: u32) -> u32 {
+        let bit = self.cycles_per_bit();
+        (clock_hz + bit / 2) / bit
+    }
+
+    /// Distance between the rate made and the rate wanted, in parts per million of the rate wanted.
+    pub const fn error_ppm(self, clock_hz: u32, baud: u32) -> u32 {
+        let exact = clock_hz as u64;
+        let wanted = baud as u64 * self.cycles_per_bit() as u64;
+        ((exact.abs_diff(wanted) * 1_000_000) / wanted) as u32
+    }
+
+    /// Clock cycles by which one second of bits at `baud` is missed; free of 64-bit arithmetic, so
+    /// that a Nano can afford it.
+    const fn cycles_off(self, clock_hz: u32, baud: u32) -> u32 {
+        clock_hz.abs_diff(baud * self.cycles_per_bit())
+    }
+}
+
+/// A baud rate that the clock cannot make within [`MAX_ERROR_PPM`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BaudError {
+    /// The rate that was asked for.
+    pub baud: u32,
+    /// The nearest rate that the clock does make.
+    pub nearest: u32,
+}
+
+/// Largest rate that is considered: 1/8 of the fastest clock of the chip (20 MHz). Keeps
+/// `baud * cycles_per_bit` of [`divisor`] within 32 bits.
+const MAX_BAUD: u32 = 2_500_000;
+
+/// The divisor for `baud` from a clock of `clock_hz` (1 MHz..=20 MHz), rounded to the nearest.
+///
+/// Normal speed is preferred, since its receiver takes 16 samples a bit; double speed is chosen only
+/// where it comes closer.
+///
+/// # Errors
+/// [`BaudError`] with the nearest rate if the result is more than 2.5 % off.
+pub const fn divisor(clock_hz: u32, baud: u32) -> Result<Divisor, BaudError> {
+    if baud == 0 {
+        return Err(BaudError {
+            baud,
+            nearest: nearest(clock_hz, 16, 1).baud(clock_hz),
+        });
+    }
+    let wanted = if baud > MAX_BAUD { MAX_BAUD } else { baud };
+    let normal = nearest(clock_hz, 16, wanted);
+    let double = nearest(clock_hz, 8, wanted);
+    let best = if double.cycles_off(clock_hz, wanted) < normal.cycles_off(clock_hz, wanted) {
+        double
+    } else {
+        normal
+    };
+    let made = best.cycles_per_bit() * wanted;
+    if baud > MAX_BAUD || clock_hz.abs_diff(made) > made / (1_000_000 / MAX_ERROR_PPM) {
+        return Err(BaudError {
+            baud,
+            nearest: best.baud(clock_hz),
+        });
+    }
+    Ok(best)
+}
+
+const fn nearest(clock_hz: u32, samples: u32, baud: u32) -> Divisor {
+    let per_tick = samples * baud;
+    let divider = (clock_hz + per_tick / 2) / per_tick;
+    let ubrr = match divider {
+        0 => 0,
+        n if n > MAX_UBRR + 1 => MAX_UBRR,
+        n => n - 1,
+    };
+    Divisor {
+        ubrr: ubrr as u16,
+        u2x: samples == 8,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn usual_rates_at_16_mhz_are_those_of_the_data_sheet() {
+        // DS40002061B table 19-12.
+        let expected = [
+            (2_400, 416, false),
+            (9_600, 103, false),
+            (19_200, 51, false),
+            (38_400, 25, false),
+            (115_200, 16, true),
+            (250_000, 3, false),
+            (500_000, 1, false),
+            (1_000_000, 0, false),
+        ];
+        for (baud, ubrr, u2x) in expected {
+            let made = divisor(16_000_000, baud);
+            // 2400 baud: 832 at double speed is nearer than 416 at normal speed.
+            let wanted = if baud == 2_400 {
+                Divisor {
+                    ubrr: 832,
+                    u2x: true,
+                }
+            } else {
+                Divisor { ubrr, u2x }
+            };
+            assert_eq!(made, Ok(wanted), "{baud} baud");
+        }
+    }
+
+    #[test]
+    fn a_rate_off_by_more_than_two_and_a_half_percent_is_refused_with_the_nearest() {
+        assert_eq!(
+            divisor(16_000_000, 921_600),
+            Err(BaudError {
+                baud: 921_600,
+                nearest: 1_000_000
+            })
+        );
+        assert_eq!(divisor(16_000_000, 0).unwrap_err().baud, 0);
+        assert_eq!(
+            divisor(16_000_000, 3_000_000),
+            Err(BaudError {
+                baud: 3_000_000,
+                nearest: 2_000_000
+            })
+        );
+        assert_eq!(divisor(16_000_000, 100).unwrap_err().nearest, 244);
+    }
+
+    #[test]
+    fn a_crystal_for_serial_rates_is_exact() {
+        let made = divisor(11_059_200, 115_200).unwrap();
+        assert_eq!(
+            (made.ubrr, made.u2x, made.error_ppm(11_059_200, 115_200)),
+            (5, false, 0)
+        );
+        let late = divisor(16_000_000, 115_200).unwrap();
+        assert_eq!(late.error_ppm(16_000_000, 115_200), 21_241);
+    }
+
+    #[test]
+    fn every_rate_that_is_accepted_is_within_the_limit() {
+        for clock_hz in [8_000_000, 11_059_200, 16_000_000, 20_000_000] {
+            for baud in (300..=2_500_000).step_by(37) {
+                if let Ok(made) = divisor(clock_hz, baud) {
+                    assert!(
+                        made.error_ppm(clock_hz, baud) <= MAX_ERROR_PPM,
+                        "{clock_hz} {baud}"
+                    );
+                }
+            }
+        }
+    }
+}

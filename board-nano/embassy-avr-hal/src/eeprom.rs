@@ -1,0 +1,148 @@
+//! The EEPROM: 1024 bytes, written in the background (DS 8.4).
+//!
+//! A byte takes 3.4 ms to write; the EEPROM-ready interrupt wakes the task for the next one. Bytes
+//! that hold the right value already are skipped: each cell stands 100 000 writes. Interrupts are bound
+//! by [`bind_eeprom!`](crate::bind_eeprom).
+
+use core::future::poll_fn;
+use core::task::Poll;
+
+use embassy_sync::waitqueue::AtomicWaker;
+
+use crate::pac::EEPROM;
+
+/// Bytes of EEPROM in an ATmega328P.
+pub const SIZE: u16 = 1024;
+
+/// Bits of EECR (DS 8.6.3).
+const EERIE: u8 = 1 << 3;
+const EEMPE: u8 = 1 << 2;
+const EEPE: u8 = 1 << 1;
+const EERE: u8 = 1 << 0;
+
+static READY: AtomicWaker = AtomicWaker::new();
+
+/// An address range that is not within the EEPROM. The caller's error; nothing was read or written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutOfRange {
+    /// The first address asked for.
+    pub address: u16,
+    /// The number of bytes asked for.
+    pub len: usize,
+}
+
+/// The EEPROM of the chip.
+pub struct Eeprom {
+    registers: EEPROM,
+}
+
+impl Eeprom {
+    /// Takes the peripheral.
+    pub fn new(registers: EEPROM) -> Self {
+        Self { registers }
+    }
+
+    /// Reads `into.len()` bytes from `address` on; 4 cycles each once no write is under way.
+    ///
+    /// # Errors
+    /// [`OutOfRange`].
+    pub async fn read(&mut self, address: u16, into: &mut [u8]) -> Result<(), OutOfRange> {
+        check(address, into.len())?;
+        for (address, byte) in (address..).zip(into) {
+            self.ready().await;
+            *byte = self.get(address);
+        }
+        Ok(())
+    }
+
+    /// Writes `bytes` from `address` on, 3.4 ms each where they differ; returns when the last one is
+    /// safe.
+    ///
+    /// # Errors
+    /// [`OutOfRange`].
+    ///
+    /// # Cancellation
+    /// The byte under way is completed, those behind it keep their old value.
+    pub async fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), OutOfRange> {
+        check(address, bytes.len())?;
+        for (address, &byte) in (address..).zip(bytes) {
+            self.ready().await;
+            if self.get(address) != byte {
+                self.put(byte);
+            }
+        }
+        self.ready().await;
+        Ok(())
+    }
+
+    /// Waits until no write is under way.
+    async fn ready(&mut self) {
+        poll_fn(|context| {
+            if self.registers.eecr().read().bits() & EEPE == 0 {
+                return Poll::Ready(());
+            }
+            READY.register(context.waker());
+            // Level-triggered (DS 8.6.3): if the write has ended by now it interrupts at once.
+            self.control(EERIE);
+            Poll::Pending
+        })
+        .await;
+    }
+
+    /// One byte; no write is under way.
+    fn get(&mut self, address: u16) -> u8 {
+        // SAFETY: the address was checked.
+        self.registers.eear().write(|w| unsafe { w.bits(address) });
+        self.control(EERE);
+        self.registers.eedr().read().bits()
+    }
+
+    /// Starts to write one byte to the address of the last [`get`](Self::get).
+    fn put(&mut self, byte: u8) {
+        // SAFETY: any byte may be written.
+        self.registers.eedr().write(|w| unsafe { w.bits(byte) });
+        critical_section::with(|_| {
+            // EEPE within four cycles of EEMPE, interrupts off (DS 8.6.3).
+            self.control(EEMPE);
+            self.control(EEMPE | EEPE);
+        });
+    }
+
+    fn control(&self, bits: u8) {
+        // SAFETY: mode bits 0: erase and write in one operation; the rest as named above.
+        self.registers.eecr().write(|w| unsafe { w.bits(bits) });
+    }
+
+    /// For [`bind_eeprom!`](crate::bind_eeprom).
+    ///
+    /// # Safety
+    /// From the EE READY interrupt only.
+    #[doc(hidden)]
+    pub unsafe fn on_ready() {
+        // SAFETY: only the interrupt enable bit is changed; a write is not under way.
+        unsafe { (*EEPROM::ptr()).eecr().write(|w| w.bits(0)) };
+        READY.wake();
+    }
+}
+
+fn check(address: u16, len: usize) -> Result<(), OutOfRange> {
+    if address > SIZE || len > usize::from(SIZE - address) {
+        return Err(OutOfRange { address, len });
+    }
+    Ok(())
+}
+
+/// Binds the EE READY interrupt (DS 12.4: vector 22, counted from 0).
+#[macro_export]
+macro_rules! bind_eeprom {
+    () => {
+        #[doc(hidden)]
+        mod eeprom_interrupt {
+            #[unsafe(no_mangle)]
+            extern "avr-interrupt" fn __vector_22() {
+                // SAFETY: EE READY.
+                unsafe { $crate::eeprom::Eeprom::on_ready() }
+            }
+        }
+    };
+}

@@ -1,0 +1,32 @@
+//! Embassy on the ATmega328P.
+//!
+//! | module | gives |
+//! |---|---|
+//! | [`executor`] | an executor that truly sleeps when idle and loses no wake-up |
+//! | [`usart`] | the USART as a [`Line`](multidrop_firmware::Line): frames by silence, DE, no task woken per byte |
+//! | [`time`] | a driver for `embassy-time`, linked only where it is bound |
+//! | [`gpio`] | pins with the `embedded-hal` 1.0 traits |
+//! | [`eeprom`] | the 1024 bytes of EEPROM, written in the background |
+//! | [`baud`] | divider and error of a baud rate |
+//!
+//! Timer1 belongs to this crate: it runs free at an eighth of the clock, compare B measures the
+//! silence on the line, compare A is the alarm of `embassy-time`. Timer0 and Timer2 are the user's.
+//! So is everything else, but for GPIOR0 bit 0 (the executor's "work to do") and bit 0 of PCMSK2
+//! (the start-bit detector, see [`usart`]).
+//!
+//! "DS" is the ATmega328P data sheet, Microchip DS40002061B.
+#![no_std]
+#![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
+
+pub mod baud;
+pub mod eeprom;
+pub mod executor;
+pub mod gpio;
+pub mod time;
+pub mod usart;
+
+#[cfg(target_arch = "avr")]
+mod mem;
+mod timer1;
+
+pub use avr_device::atmega328p as pac;

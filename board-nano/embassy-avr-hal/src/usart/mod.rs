@@ -1,0 +1,267 @@
+//! USART0 as a [`Line`]: frames out of silence, answers at t3.5, DE.
+//!
+//! The receive interrupt stores byte and CRC and sets Timer1's compare B to the end of the silence
+//! that would complete the frame; no task is woken per byte. Compare B completes the frame at t1.5,
+//! settles it at t3.5 and starts an answer that is ready by then from within the interrupt.
+//!
+//! RXC comes at the end of a character, so by itself it tells only a whole character late that one
+//! began within t1.5. The pin-change flag of RXD is used as a start-bit detector: polled at t1.5 and
+//! at t3.5, never as an interrupt. An application that uses pin-change interrupts on port D takes one
+//! needless interrupt per edge on RXD.
+//!
+//! Interrupts are bound by one line in the binary, [`bind_usart0!`](crate::bind_usart0).
+
+mod registers;
+mod settings;
+mod state;
+
+use core::cell::UnsafeCell;
+use core::future::{Future, poll_fn};
+use core::marker::PhantomData;
+use core::task::Poll;
+
+use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
+use multidrop_firmware::protocol::rtu::Flaws;
+
+use crate::gpio::{DriverEnable, PD0, PD1};
+use crate::pac::{TC1, USART0};
+use crate::timer1;
+pub use settings::Settings;
+use state::{Buffer, Phase, State, Verdict};
+
+/// [`State`] of the one USART.
+struct Shared(UnsafeCell<State>);
+
+// SAFETY: used by interrupts, which do not nest, and with interrupts off.
+unsafe impl Sync for Shared {}
+
+static SHARED: Shared = Shared(UnsafeCell::new(State::new()));
+
+/// With interrupts off.
+#[inline(always)]
+fn with<R>(f: impl FnOnce(&mut State) -> R) -> R {
+    critical_section::with(|_| {
+        // SAFETY: interrupts are off and `with` is never called from within `f`.
+        f(unsafe { &mut *SHARED.0.get() })
+    })
+}
+
+/// USART0 on RXD and TXD, with a DE pin (or [`NoDe`](crate::gpio::NoDe)), at a CPU clock of `CLOCK_HZ`.
+pub struct Usart0<DE, const CLOCK_HZ: u32> {
+    _pins: PhantomData<*const DE>,
+}
+
+impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
+    /// Sets the line up: DE low, then receiver and transmitter on. The bus is not driven. It listens
+    /// once interrupts are enabled and the bus was silent for t3.5.
+    ///
+    /// The peripherals are taken so that nobody else has them.
+    pub fn new(_: USART0, _: &TC1, _: PD0, _: PD1, _: DE, settings: Settings) -> Self {
+        timer1::start();
+        DE::init();
+        with(|state| state.apply(settings));
+        Self { _pins: PhantomData }
+    }
+
+    /// For [`bind_usart0!`](crate::bind_usart0).
+    ///
+    /// # Safety
+    /// From the interrupt of this name only.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub unsafe fn on_character() {
+        // SAFETY: in an interrupt, see `Shared`.
+        unsafe { &mut *SHARED.0.get() }.on_character();
+    }
+
+    /// For [`bind_usart0!`](crate::bind_usart0).
+    ///
+    /// # Safety
+    /// From the interrupt of this name only.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub unsafe fn on_silence() {
+        // SAFETY: in an interrupt, see `Shared`.
+        unsafe { &mut *SHARED.0.get() }.on_silence::<DE>();
+    }
+
+    /// For [`bind_usart0!`](crate::bind_usart0).
+    ///
+    /// # Safety
+    /// From the interrupt of this name only.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub unsafe fn on_ready() {
+        // SAFETY: in an interrupt, see `Shared`.
+        unsafe { &mut *SHARED.0.get() }.on_ready();
+    }
+
+    /// For [`bind_usart0!`](crate::bind_usart0).
+    ///
+    /// # Safety
+    /// From the interrupt of this name only.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub unsafe fn on_sent() {
+        // SAFETY: in an interrupt, see `Shared`.
+        unsafe { &mut *SHARED.0.get() }.on_sent::<DE>();
+    }
+
+    /// Waits until the wire is silent and the buffer free, and takes the buffer.
+    fn take_buffer(&self) -> impl Future<Output = Frame<'_, Self>> {
+        poll_fn(move |context| {
+            with(|state| {
+                if state.phase == Phase::Silent && state.buffer == Buffer::Free {
+                    state.transmit_waits = false;
+                    state.buffer = Buffer::Lent;
+                    state.verdict = Verdict::Stands;
+                    Poll::Ready(self.lend(0))
+                } else {
+                    state.transmit_waits = true;
+                    state.user.register(context.waker());
+                    Poll::Pending
+                }
+            })
+        })
+    }
+
+    /// The buffer as a frame. `Buffer::Lent` was set just now.
+    fn lend(&self, len: u8) -> Frame<'_, Self> {
+        // SAFETY: `Buffer::Lent` keeps interrupts from writing to the buffer and everybody else from
+        // lending it until `give_back`. While an answer is sent the interrupt reads it; `Frame`
+        // forbids to change those bytes then.
+        let adu: &mut Adu = unsafe { &mut *state::ADU.get() };
+        Frame::new(self, adu, len)
+    }
+}
+
+impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
+    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
+        poll_fn(move |context| {
+            with(|state| {
+                if state.buffer == Buffer::Full {
+                    state.buffer = Buffer::Lent;
+                    return Poll::Ready(Ok(self.lend(state.len)));
+                }
+                if !state.damaged.is_empty() {
+                    let flaws = state.damaged;
+                    state.damaged = Flaws::NONE;
+                    return Poll::Ready(Err(flaws));
+                }
+                state.receiver.register(context.waker());
+                Poll::Pending
+            })
+        })
+    }
+
+    async fn transmit(&self, bytes: &[u8]) {
+        let len = bytes.len().min(254);
+        loop {
+            let mut frame = self.take_buffer().await;
+            frame.adu()[..len].copy_from_slice(&bytes[..len]);
+            frame.release(len as u8);
+            // Not started if somebody began to talk meanwhile.
+            if with(|state| state.phase == Phase::Sending) {
+                return frame.sent().await;
+            }
+        }
+    }
+
+    async fn configure(&self, config: LineConfig) -> Result<(), LineError> {
+        let settings = Settings::new(&config, CLOCK_HZ)?;
+        poll_fn(|context| {
+            with(|state| {
+                if state.phase == Phase::Sending {
+                    state.user.register(context.waker());
+                    return Poll::Pending;
+                }
+                state.apply(settings);
+                Poll::Ready(Ok(()))
+            })
+        })
+        .await
+    }
+
+    fn release(&self, len: u8) {
+        with(|state| {
+            state.released = len;
+            match state.verdict {
+                Verdict::Pending => {}
+                Verdict::Stands if state.phase == Phase::Silent => state.start::<DE>(),
+                _ => state.released = 0,
+            }
+        });
+    }
+
+    fn settle(&self) -> impl Future<Output = bool> {
+        poll_fn(|context| {
+            with(|state| match state.verdict {
+                Verdict::Pending => {
+                    state.user.register(context.waker());
+                    Poll::Pending
+                }
+                verdict => Poll::Ready(verdict == Verdict::Stands),
+            })
+        })
+    }
+
+    fn sent(&self) -> impl Future<Output = ()> {
+        poll_fn(|context| {
+            with(|state| {
+                if state.phase == Phase::Sending || state.released > 0 && state.verdict == Verdict::Pending {
+                    state.user.register(context.waker());
+                    Poll::Pending
+                } else {
+                    Poll::Ready(())
+                }
+            })
+        })
+    }
+
+    fn give_back(&self) {
+        with(|state| {
+            state.released = 0;
+            state.verdict = Verdict::None;
+            state.buffer = Buffer::Free;
+            if state.phase == Phase::Sending {
+                state.transmission = Default::default();
+            }
+        });
+    }
+}
+
+/// Binds the four interrupts of the line (DS 12.4: vectors 12, 18, 19, 20, counted from 0) to a
+/// [`Usart0`](crate::usart::Usart0) type.
+#[macro_export]
+macro_rules! bind_usart0 {
+    ($line:ty) => {
+        #[doc(hidden)]
+        mod usart0_interrupts {
+            use super::*;
+
+            #[unsafe(no_mangle)]
+            extern "avr-interrupt" fn __vector_12() {
+                // SAFETY: TIMER1_COMPB.
+                unsafe { <$line>::on_silence() }
+            }
+
+            #[unsafe(no_mangle)]
+            extern "avr-interrupt" fn __vector_18() {
+                // SAFETY: USART_RX.
+                unsafe { <$line>::on_character() }
+            }
+
+            #[unsafe(no_mangle)]
+            extern "avr-interrupt" fn __vector_19() {
+                // SAFETY: USART_UDRE.
+                unsafe { <$line>::on_ready() }
+            }
+
+            #[unsafe(no_mangle)]
+            extern "avr-interrupt" fn __vector_20() {
+                // SAFETY: USART_TX.
+                unsafe { <$line>::on_sent() }
+            }
+        }
+    };
+}

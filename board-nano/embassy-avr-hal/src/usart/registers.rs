@@ -1,0 +1,133 @@
+//! The registers of USART0 (DS 19.10) and the pin-change flag that stands in for a start-bit detector.
+
+use multidrop_firmware::protocol::rtu::Flaws;
+
+use super::settings::Settings;
+use crate::pac::{EXINT, USART0};
+
+/// Bits of UCSR0A.
+const TXC: u8 = 1 << 6;
+pub(super) const UDRE: u8 = 1 << 5;
+const FE: u8 = 1 << 4;
+const DOR: u8 = 1 << 3;
+const UPE: u8 = 1 << 2;
+pub(super) const ERRORS: u8 = FE | DOR | UPE;
+
+/// Bits of UCSR0B.
+const RXCIE: u8 = 1 << 7;
+const TXCIE: u8 = 1 << 6;
+const UDRIE: u8 = 1 << 5;
+const RXEN: u8 = 1 << 4;
+const TXEN: u8 = 1 << 3;
+
+/// PCIF2 of PCIFR (DS 13.2.5) and PCINT16, which is RXD, of PCMSK2 (DS 13.2.6).
+const PCIF2: u8 = 1 << 2;
+const PCINT16: u8 = 1 << 0;
+
+/// USART0.
+pub(super) struct USART;
+
+impl USART {
+    #[inline(always)]
+    fn block() -> &'static crate::pac::usart0::RegisterBlock {
+        // SAFETY: the block exists at this address for the life of the program; it is touched by the
+        // interrupts of the line and, with interrupts off, by its futures.
+        unsafe { &*USART0::ptr() }
+    }
+
+    #[inline(always)]
+    pub fn status() -> u8 {
+        Self::block().ucsr0a().read().bits()
+    }
+
+    #[inline(always)]
+    pub fn data() -> u8 {
+        Self::block().udr0().read().bits()
+    }
+
+    #[inline(always)]
+    pub fn put(byte: u8) {
+        // SAFETY: any byte may be sent.
+        Self::block().udr0().write(|w| unsafe { w.bits(byte) });
+    }
+
+    #[inline(always)]
+    fn control(bits: u8) {
+        // SAFETY: enable bits only; their handlers are bound with the line.
+        Self::block().ucsr0b().write(|w| unsafe { w.bits(bits) });
+    }
+}
+
+fn exint() -> &'static crate::pac::exint::RegisterBlock {
+    // SAFETY: as for the USART; PCIFR and PCMSK2 are changed bit by bit.
+    unsafe { &*EXINT::ptr() }
+}
+
+/// What the error bits of UCSR0A mean.
+#[inline(always)]
+pub(super) fn flaws(status: u8) -> Flaws {
+    let mut flaws = Flaws::NONE;
+    if status & FE != 0 {
+        flaws |= Flaws::FRAMING;
+    }
+    if status & DOR != 0 {
+        flaws |= Flaws::OVERRUN;
+    }
+    if status & UPE != 0 {
+        flaws |= Flaws::PARITY;
+    }
+    flaws
+}
+
+/// Baud rate, format, receiver and transmitter on.
+pub(super) fn set_up(settings: &Settings) {
+    // SAFETY: the values come from `Settings`, which makes valid ones only.
+    unsafe {
+        USART::block().ubrr0().write(|w| w.bits(settings.ubrr));
+        USART::block().ucsr0a().write(|w| w.bits(settings.ucsra));
+        USART::block().ucsr0c().write(|w| w.bits(settings.ucsrc));
+        exint().pcmsk2().modify(|r, w| w.bits(r.bits() | PCINT16));
+    }
+    listen();
+}
+
+/// Receiver on.
+#[inline(always)]
+pub(super) fn listen() {
+    USART::control(RXCIE | RXEN | TXEN);
+}
+
+/// Receiver off, transmitter with its interrupts on, TXC of an earlier character cleared.
+#[inline(always)]
+pub(super) fn send(settings: &Settings) {
+    clear_sent(settings);
+    USART::control(TXCIE | UDRIE | TXEN);
+}
+
+/// Clears TXC.
+#[inline(always)]
+pub(super) fn clear_sent(settings: &Settings) {
+    // SAFETY: TXC is cleared by writing a one; U2X keeps its value.
+    USART::block().ucsr0a().write(|w| unsafe { w.bits(TXC | settings.ucsra) });
+}
+
+/// The last byte is in the USART: UDRE would interrupt for ever.
+#[inline(always)]
+pub(super) fn nothing_more() {
+    USART::control(TXCIE | TXEN);
+}
+
+/// Whether RXD has changed since [`clear_start_bit`]. Once a character is complete the next change can
+/// only be a start bit (or noise), so this tells that a character is on its way a whole character
+/// before RXC does. The flag is set whether or not the interrupt is enabled (DS 13.2.5).
+#[inline(always)]
+pub(super) fn start_bit_seen() -> bool {
+    exint().pcifr().read().bits() & PCIF2 != 0
+}
+
+/// Clears the flag by writing a one.
+#[inline(always)]
+pub(super) fn clear_start_bit() {
+    // SAFETY: writing a one clears this flag and no other.
+    exint().pcifr().write(|w| unsafe { w.bits(PCIF2) });
+}

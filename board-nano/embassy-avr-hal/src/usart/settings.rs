@@ -1,0 +1,82 @@
+//! From a [`LineConfig`] to register contents and timer ticks, at compile time or at run time.
+
+use multidrop_firmware::line::{InterCharacter, LineConfig, LineError};
+use multidrop_firmware::protocol::format::{LineFormat, Parity};
+use multidrop_firmware::protocol::timing;
+
+use crate::baud::divisor;
+use crate::timer1::PRESCALER;
+
+/// Bits of UCSR0A (DS 19.10.2).
+pub(crate) const U2X: u8 = 1 << 1;
+
+/// Everything about a line that depends on its configuration and the clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    pub(crate) ubrr: u16,
+    pub(crate) ucsra: u8,
+    pub(crate) ucsrc: u8,
+    /// Ticks from the moment in which a character is taken from the USART to the end of the silence
+    /// that completes a frame.
+    pub(crate) to_complete: u16,
+    /// Ticks from there to t3.5; 0 where t3.5 is what completes a frame.
+    pub(crate) to_stand: u16,
+    /// Ticks of one character.
+    pub(crate) character: u16,
+    /// Ticks of t3.5.
+    pub(crate) t3_5: u16,
+}
+
+impl Settings {
+    /// Settings for `config` at a CPU clock of `clock_hz` (8 to 20 MHz).
+    ///
+    /// RXC is set in the middle of the first stop bit (DS 19.8.2); what is left of the character from
+    /// there is added, rounded up, so that no interval is ever cut short.
+    ///
+    /// # Errors
+    /// [`LineError::Baud`] for a rate that is off by more than 2.5 % or so slow that t3.5 exceeds the
+    /// 16 bits of the timer (below 1200 baud at 16 MHz).
+    pub const fn new(config: &LineConfig, clock_hz: u32) -> Result<Self, LineError> {
+        let tick_hz = clock_hz / PRESCALER;
+        let (baud, format) = (config.baud, config.format);
+        let divisor = match divisor(clock_hz, baud) {
+            Ok(divisor) => divisor,
+            Err(error) => return Err(LineError::Baud { nearest: error.nearest }),
+        };
+        let rest_of_stop = {
+            let half_bits = 2 * format.stop_bits() as u32 - 1;
+            (half_bits * tick_hz).div_ceil(2 * baud)
+        };
+        let t1_5 = rest_of_stop + timing::t1_5(format, baud, tick_hz);
+        let t3_5 = rest_of_stop + timing::t3_5(format, baud, tick_hz);
+        let character = timing::character(format, baud, tick_hz);
+        if t3_5 + character > u16::MAX as u32 {
+            return Err(LineError::Baud { nearest: 2400 });
+        }
+        let to_complete = match config.inter_character {
+            InterCharacter::Strict => t1_5,
+            InterCharacter::Off => t3_5,
+        };
+        Ok(Self {
+            ubrr: divisor.ubrr,
+            ucsra: if divisor.u2x { U2X } else { 0 },
+            ucsrc: ucsrc(format),
+            to_complete: to_complete as u16,
+            to_stand: (t3_5 - to_complete) as u16,
+            character: character as u16,
+            t3_5: t3_5 as u16,
+        })
+    }
+}
+
+/// Contents of UCSR0C (DS 19.10.4): parity in bits 5 and 4, stop bits in bit 3, data bits in 2 and 1.
+const fn ucsrc(format: LineFormat) -> u8 {
+    let parity = match format.parity() {
+        Parity::None => 0b00,
+        Parity::Even => 0b10,
+        Parity::Odd => 0b11,
+    };
+    let stop = format.stop_bits() - 1;
+    let size = format.data_bits() - 5;
+    parity << 4 | stop << 3 | size << 1
+}

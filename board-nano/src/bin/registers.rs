@@ -1,0 +1,111 @@
+//! The yardstick image: N of each table from address 0, at 38400 8N1 if not built otherwise.
+#![no_std]
+#![no_main]
+#![feature(abi_avr_interrupt)]
+
+use core::cell::RefCell;
+
+use board_nano::{Rs485, options, settings};
+use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
+use multidrop_firmware::protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
+use multidrop_firmware::protocol::exception::Exception;
+use multidrop_firmware::protocol::format::LineFormat;
+use multidrop_firmware::protocol::registers::{Bank, CoilBank};
+use multidrop_firmware::protocol::server::{DataModel, Functions, Server};
+use multidrop_firmware::{Port, PortConfig};
+use static_cell::StaticCell;
+
+/// Items in each table.
+const COUNT: usize = options::count(16);
+
+const PORT: PortConfig = PortConfig::new("RS4")
+    .slave_id(1)
+    .baud(options::baud(38_400))
+    .format(options::format(LineFormat::F8N1));
+
+/// Holding registers and coils are kept; inputs follow from their address.
+struct Model {
+    registers: Bank<COUNT>,
+    coils: CoilBank<{ COUNT.div_ceil(8) }>,
+}
+
+impl Model {
+    /// Whether `count` inputs from `first` on exist.
+    fn check(first: u16, count: u16) -> Result<(), Exception> {
+        match first.checked_add(count) {
+            Some(end) if end <= COUNT as u16 => Ok(()),
+            _ => Err(Exception::IllegalDataAddress),
+        }
+    }
+}
+
+impl DataModel for Model {
+    const WRITES_MAY_FAIL: bool = false;
+
+    fn coils(&mut self, first: u16, out: CoilsOut<'_>) -> Result<(), Exception> {
+        self.coils.read(first, out)
+    }
+
+    fn discrete_inputs(&mut self, first: u16, mut out: CoilsOut<'_>) -> Result<(), Exception> {
+        Self::check(first, out.len())?;
+        out.fill_from((first..).map(|address| address % 3 == 0));
+        Ok(())
+    }
+
+    fn holding_registers(&mut self, first: u16, out: RegistersOut<'_>) -> Result<(), Exception> {
+        self.registers.read(first, out)
+    }
+
+    fn input_registers(&mut self, first: u16, mut out: RegistersOut<'_>) -> Result<(), Exception> {
+        Self::check(first, out.len() as u16)?;
+        out.fill_from((first..).map(|address| 0x1000 + address));
+        Ok(())
+    }
+
+    fn check_coils(&self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
+        self.coils.check(first, values)
+    }
+
+    fn check_registers(&self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
+        self.registers.check(first, values)
+    }
+
+    fn write_coils(&mut self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
+        self.coils.write(first, values)
+    }
+
+    fn write_registers(&mut self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
+        self.registers.write(first, values)
+    }
+}
+
+bind_usart0!(Rs485);
+
+#[embassy_executor::task]
+async fn receive(port: &'static Port<Rs485>) -> ! {
+    multidrop_firmware::receive(port).await
+}
+
+#[embassy_executor::task]
+async fn serve(port: &'static Port<Rs485>) -> ! {
+    let server = Server::new(PORT.unit(), Functions::standard());
+    let model = RefCell::new(Model {
+        registers: Bank::new(0),
+        coils: CoilBank::new(0, COUNT as u16),
+    });
+    multidrop_firmware::serve(port, &server, &model).await
+}
+
+#[avr_device::entry]
+fn main() -> ! {
+    let Some(chip) = pac::Peripherals::take() else { loop {} };
+    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
+    let line = Rs485::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, const { settings(&PORT) });
+
+    static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
+    let port = PORT_CELL.init(Port::new(line, &PORT));
+    executor::run(|spawner| {
+        spawner.spawn(receive(port).unwrap());
+        spawner.spawn(serve(port).unwrap());
+    })
+}

@@ -1,0 +1,47 @@
+//! The Arduino Nano: its clock, its pins, and the options of a build.
+//!
+//! | pin | is |
+//! |---|---|
+//! | D0, D1 (PD0, PD1) | RXD, TXD |
+//! | D2 (PD2) | DE of the RS-485 transceiver, [`De`] |
+//! | D3..D7, D8..D13 | free; the demonstration unit's LEDs |
+#![no_std]
+
+pub mod options;
+
+use embassy_avr_hal::usart::{Settings, Usart0};
+use multidrop_firmware::PortConfig;
+use multidrop_firmware::line::LineError;
+
+/// The Nano's crystal.
+pub const CLOCK_HZ: u32 = 16_000_000;
+
+/// The pin that enables the driver of the RS-485 transceiver. To move it, change this line, and take
+/// the pin out of whatever else uses it.
+pub type De = embassy_avr_hal::gpio::PD2;
+
+/// The mask of [`De`] in its port.
+pub const DE_MASK: u8 = 1 << 2;
+
+/// The Nano's one serial port, as RS-485.
+pub type Rs485 = Usart0<De, CLOCK_HZ>;
+
+/// Line settings of a port at the Nano's clock, for a `const`: a baud that the clock cannot make stops
+/// the build.
+pub const fn settings(port: &PortConfig) -> Settings {
+    match Settings::new(&port.line(), CLOCK_HZ) {
+        Ok(settings) => settings,
+        Err(LineError::Baud { .. }) => {
+            port.wrong("baud", port.line().baud, "16 MHz does not make it within 2.5 %")
+        }
+        Err(LineError::Format(format)) => {
+            port.wrong("format: data bits", format.data_bits() as u32, "the USART does not have it")
+        }
+    }
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    // Never linked: `panic = "immediate-abort"`.
+    loop {}
+}

@@ -1,0 +1,40 @@
+//! Options of a build, taken from environment variables: `MULTIDROP_UNIT=2 cargo build --release`, or
+//! `cargo xtask build nano demo-unit --unit 2`, which sets them.
+
+use multidrop_firmware::protocol::format::LineFormat;
+
+/// `MULTIDROP_UNIT`, or `default`.
+pub const fn unit(default: u32) -> u32 {
+    number(option_env!("MULTIDROP_UNIT"), default)
+}
+
+/// `MULTIDROP_COUNT`, or `default`: 1..=128 items in each table.
+pub const fn count(default: usize) -> usize {
+    let count = number(option_env!("MULTIDROP_COUNT"), default as u32);
+    assert!(count >= 1 && count <= 128, "MULTIDROP_COUNT must be 1..=128");
+    count as usize
+}
+
+/// `MULTIDROP_BAUD`, or `default`.
+pub const fn baud(default: u32) -> u32 {
+    number(option_env!("MULTIDROP_BAUD"), default)
+}
+
+/// `MULTIDROP_FORMAT`, or `default`.
+pub const fn format(default: LineFormat) -> LineFormat {
+    match option_env!("MULTIDROP_FORMAT") {
+        None => default,
+        Some(name) => match LineFormat::from_name(name) {
+            Some(format) => format,
+            None => panic!("MULTIDROP_FORMAT must be 8N1, 8E1, 8O1, 8N2, 7E1, 7O1 or 7N2"),
+        },
+    }
+}
+
+const fn number(text: Option<&str>, default: u32) -> u32 {
+    let Some(text) = text else { return default };
+    match u32::from_str_radix(text, 10) {
+        Ok(number) => number,
+        Err(_) => panic!("MULTIDROP_UNIT, _COUNT and _BAUD must be decimal numbers"),
+    }
+}

@@ -1,0 +1,78 @@
+//! Text put together at compile time: `panic!` in a `const` takes one finished `&str` and formats
+//! nothing.
+
+const CAPACITY: usize = 160;
+
+/// A message under construction.
+pub(crate) struct Message {
+    text: [u8; CAPACITY],
+    len: usize,
+}
+
+impl Message {
+    pub(crate) const fn new() -> Self {
+        Self { text: [0; CAPACITY], len: 0 }
+    }
+
+    pub(crate) const fn text(mut self, text: &str) -> Self {
+        let bytes = text.as_bytes();
+        let mut i = 0;
+        while i < bytes.len() && self.len < CAPACITY {
+            self.text[self.len] = bytes[i];
+            self.len += 1;
+            i += 1;
+        }
+        self
+    }
+
+    pub(crate) const fn number(self, value: u32) -> Self {
+        let mut digits = [0; 10];
+        let mut start = digits.len();
+        let mut rest = value;
+        loop {
+            start -= 1;
+            digits[start] = b'0' + (rest % 10) as u8;
+            rest /= 10;
+            if rest == 0 {
+                break;
+            }
+        }
+        let (_, digits) = digits.split_at(start);
+        match core::str::from_utf8(digits) {
+            Ok(digits) => self.text(digits),
+            Err(_) => self,
+        }
+    }
+
+    pub(crate) const fn as_str(&self) -> &str {
+        let (text, _) = self.text.split_at(self.len);
+        match core::str::from_utf8(text) {
+            Ok(text) => text,
+            Err(_) => "message cut inside a character",
+        }
+    }
+
+    pub(crate) const fn fail(self) -> ! {
+        panic!("{}", self.as_str())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_and_numbers_stand_in_order() {
+        let message = Message::new().text("baud is ").number(0).text("/").number(4_294_967_295);
+        assert_eq!(message.as_str(), "baud is 0/4294967295");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_cut() {
+        let mut message = Message::new();
+        for _ in 0..100 {
+            message = message.text("four");
+        }
+        assert_eq!(message.as_str().len(), CAPACITY);
+    }
+}

@@ -7,6 +7,7 @@
 //! | D3..D7, D8..D13 | free; the demonstration unit's LEDs |
 #![no_std]
 
+pub mod demo_unit;
 pub mod options;
 
 use embassy_avr_hal::usart::{Settings, Usart0};

@@ -25,9 +25,9 @@ const PCIF2: u8 = 1 << 2;
 const PCINT16: u8 = 1 << 0;
 
 /// USART0.
-pub(super) struct USART;
+pub(super) struct Usart;
 
-impl USART {
+impl Usart {
     #[inline(always)]
     fn block() -> &'static crate::pac::usart0::RegisterBlock {
         // SAFETY: the block exists at this address for the life of the program; it is touched by the
@@ -83,9 +83,9 @@ pub(super) fn flaws(status: u8) -> Flaws {
 pub(super) fn set_up(settings: &Settings) {
     // SAFETY: the values come from `Settings`, which makes valid ones only.
     unsafe {
-        USART::block().ubrr0().write(|w| w.bits(settings.ubrr));
-        USART::block().ucsr0a().write(|w| w.bits(settings.ucsra));
-        USART::block().ucsr0c().write(|w| w.bits(settings.ucsrc));
+        Usart::block().ubrr0().write(|w| w.bits(settings.ubrr));
+        Usart::block().ucsr0a().write(|w| w.bits(settings.ucsra));
+        Usart::block().ucsr0c().write(|w| w.bits(settings.ucsrc));
         exint().pcmsk2().modify(|r, w| w.bits(r.bits() | PCINT16));
     }
     listen();
@@ -94,27 +94,27 @@ pub(super) fn set_up(settings: &Settings) {
 /// Receiver on.
 #[inline(always)]
 pub(super) fn listen() {
-    USART::control(RXCIE | RXEN | TXEN);
+    Usart::control(RXCIE | RXEN | TXEN);
 }
 
 /// Receiver off, transmitter with its interrupts on, TXC of an earlier character cleared.
 #[inline(always)]
 pub(super) fn send(settings: &Settings) {
     clear_sent(settings);
-    USART::control(TXCIE | UDRIE | TXEN);
+    Usart::control(TXCIE | UDRIE | TXEN);
 }
 
 /// Clears TXC.
 #[inline(always)]
 pub(super) fn clear_sent(settings: &Settings) {
     // SAFETY: TXC is cleared by writing a one; U2X keeps its value.
-    USART::block().ucsr0a().write(|w| unsafe { w.bits(TXC | settings.ucsra) });
+    Usart::block().ucsr0a().write(|w| unsafe { w.bits(TXC | settings.ucsra) });
 }
 
 /// The last byte is in the USART: UDRE would interrupt for ever.
 #[inline(always)]
 pub(super) fn nothing_more() {
-    USART::control(TXCIE | TXEN);
+    Usart::control(TXCIE | TXEN);
 }
 
 /// Whether RXD has changed since [`clear_start_bit`]. Once a character is complete the next change can

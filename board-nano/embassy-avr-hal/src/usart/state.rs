@@ -8,7 +8,7 @@ use embassy_sync::waitqueue::AtomicWaker;
 use multidrop_firmware::line::Adu;
 use multidrop_firmware::protocol::rtu::{Flaws, Reception, Transmission};
 
-use super::registers::{self, USART};
+use super::registers::{self, Usart};
 use super::settings::Settings;
 use crate::gpio::DriverEnable;
 use crate::timer1;
@@ -145,8 +145,8 @@ impl State {
     #[inline(always)]
     pub fn on_character(&mut self) {
         // Status before data: reading UDR0 moves the FIFO on (DS 19.10.1).
-        let status = USART::status();
-        let byte = USART::data();
+        let status = Usart::status();
+        let byte = Usart::data();
         set_compare(timer1::now().wrapping_add(self.settings.to_complete));
         timer1::clear(timer1::OCF1B);
         registers::clear_start_bit();
@@ -279,7 +279,7 @@ impl State {
         // Two characters fit into the USART; a third waits for the interrupt.
         loop {
             self.on_ready();
-            if USART::status() & registers::UDRE == 0 {
+            if Usart::status() & registers::UDRE == 0 {
                 return;
             }
         }
@@ -291,7 +291,7 @@ impl State {
         // SAFETY: while an answer is sent, the bytes of it are only read.
         match self.transmission.next(unsafe { &*ADU.get() }) {
             Some(byte) => {
-                USART::put(byte);
+                Usart::put(byte);
                 if self.transmission.is_over() {
                     // Had this interrupt come late, TXC would stand for the character before. The byte
                     // just written keeps it from being set anew for a whole character.

@@ -1,0 +1,50 @@
+//! The demonstration unit: a remote output module. Copy this file to begin a project of your own.
+#![no_std]
+#![no_main]
+#![feature(abi_avr_interrupt)]
+
+use core::cell::RefCell;
+
+use board_nano::demo_unit::DemoUnit;
+use board_nano::{Rs485, options, settings};
+use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
+use multidrop_firmware::protocol::format::LineFormat;
+use multidrop_firmware::protocol::server::{Functions, Server};
+use multidrop_firmware::{Port, PortConfig};
+use static_cell::StaticCell;
+
+// Everything there is to set. A value that cannot work does not compile.
+const PORT: PortConfig = PortConfig::new("RS4")
+    .slave_id(options::unit(1))
+    .baud(options::baud(38_400))
+    .format(options::format(LineFormat::F8N1));
+
+bind_usart0!(Rs485);
+
+/// Takes frames from the line.
+#[embassy_executor::task]
+async fn receive(port: &'static Port<Rs485>) -> ! {
+    multidrop_firmware::receive(port).await
+}
+
+/// Answers requests.
+#[embassy_executor::task]
+async fn serve(port: &'static Port<Rs485>) -> ! {
+    let server = Server::new(PORT.unit(), Functions::standard());
+    let unit = RefCell::new(DemoUnit::new());
+    multidrop_firmware::serve(port, &server, &unit).await
+}
+
+#[avr_device::entry]
+fn main() -> ! {
+    let Some(chip) = pac::Peripherals::take() else { loop {} };
+    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
+    let line = Rs485::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, const { settings(&PORT) });
+
+    static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
+    let port = PORT_CELL.init(Port::new(line, &PORT));
+    executor::run(|spawner| {
+        spawner.spawn(receive(port).unwrap());
+        spawner.spawn(serve(port).unwrap());
+    })
+}

@@ -113,13 +113,21 @@ pub struct Coils<'a> {
 }
 
 impl<'a> Coils<'a> {
-    /// `count` coils in `bytes`, or as many as there are.
+    /// The `count` coils in `bytes`.
+    ///
+    /// # Panics
+    ///
+    /// Unless `bytes` is as long as so many coils need, and no longer.
     #[inline]
     pub const fn new(bytes: &'a [u8], count: u16) -> Coils<'a> {
-        Coils {
-            bytes,
-            count: count_in(bytes, count),
-        }
+        assert!(bytes.len() == bytes_for(count));
+        Coils { bytes, count }
+    }
+
+    /// Without the check of [`new`](Coils::new), for the server, which has checked already.
+    #[inline(always)]
+    pub(crate) const fn of(bytes: &'a [u8], count: u16) -> Coils<'a> {
+        Coils { bytes, count }
     }
 
     /// How many there are.
@@ -168,10 +176,20 @@ pub struct CoilsOut<'a> {
 }
 
 impl<'a> CoilsOut<'a> {
-    /// `count` coils in `bytes`, or as many as there is room for.
+    /// `count` coils to be written to `bytes`.
+    ///
+    /// # Panics
+    ///
+    /// Unless `bytes` is as long as so many coils need, and no longer.
     #[inline]
     pub const fn new(bytes: &'a mut [u8], count: u16) -> CoilsOut<'a> {
-        let count = count_in(bytes, count);
+        assert!(bytes.len() == bytes_for(count));
+        CoilsOut { bytes, count }
+    }
+
+    /// Without the check of [`new`](CoilsOut::new), for the server, which has checked already.
+    #[inline(always)]
+    pub(crate) const fn of(bytes: &'a mut [u8], count: u16) -> CoilsOut<'a> {
         CoilsOut { bytes, count }
     }
 
@@ -216,11 +234,9 @@ impl<'a> CoilsOut<'a> {
     }
 }
 
-const fn count_in(bytes: &[u8], count: u16) -> u16 {
-    let room = bytes.len();
-    if room < 8192 && count > (room as u16) << 3 {
-        (room as u16) << 3
-    } else {
-        count
-    }
+/// Bytes that hold so many coils.
+#[inline(always)]
+pub(crate) const fn bytes_for(count: u16) -> usize {
+    // Without the sum that could overflow.
+    (count >> 3) as usize + (count & 7 != 0) as usize
 }

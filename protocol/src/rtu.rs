@@ -7,7 +7,8 @@
 
 use core::ops::{BitOr, BitOrAssign};
 
-use crate::{Adu, crc};
+use crate::Adu;
+use crate::crc::{self, Sum};
 
 /// Bytes of the shortest RTU frame (SER 2.5.1): unit id, function code, CRC.
 pub const ADU_MIN: usize = 4;
@@ -100,7 +101,7 @@ pub struct Heard {
 /// The bytes go to a buffer the caller keeps, so that it can be lent on without a copy.
 #[derive(Clone, Copy, Debug)]
 pub struct Reception {
-    crc: u16,
+    sum: Sum,
     len: u8,
     full: bool,
     flaws: Flaws,
@@ -111,7 +112,7 @@ impl Reception {
     #[inline(always)]
     pub const fn new() -> Reception {
         Reception {
-            crc: crc::INIT,
+            sum: Sum::INIT,
             len: 0,
             full: false,
             flaws: Flaws::NONE,
@@ -139,8 +140,10 @@ impl Reception {
         }
         adu[usize::from(self.len)] = byte;
         self.len = self.len.wrapping_add(1);
-        self.full = self.len == 0;
-        self.crc = crc::update(self.crc, byte);
+        if self.len == 0 {
+            self.full = true;
+        }
+        self.sum.push(byte);
     }
 
     /// Notes what the line found wrong.
@@ -153,7 +156,7 @@ impl Reception {
     #[inline]
     pub const fn finish(&self) -> Heard {
         let mut flaws = self.flaws;
-        if self.crc != 0 {
+        if !self.sum.matches() {
             flaws = flaws.union(Flaws::CHECK);
         }
         if self.len < ADU_MIN as u8 && !self.full {
@@ -179,7 +182,7 @@ impl Default for Reception {
 /// Hands a frame out byte by byte, and its CRC behind it.
 #[derive(Clone, Copy, Debug)]
 pub struct Transmission {
-    crc: u16,
+    sum: Sum,
     position: u8,
     len: u8,
     crc_left: u8,
@@ -190,7 +193,7 @@ impl Transmission {
     #[inline(always)]
     pub const fn new() -> Transmission {
         Transmission {
-            crc: crc::INIT,
+            sum: Sum::INIT,
             position: 0,
             len: 0,
             crc_left: 0,
@@ -201,7 +204,7 @@ impl Transmission {
     #[inline(always)]
     pub fn start(&mut self, len: u8) {
         *self = Transmission {
-            crc: crc::INIT,
+            sum: Sum::INIT,
             position: 0,
             len,
             crc_left: CRC_LEN,
@@ -214,16 +217,14 @@ impl Transmission {
         if self.position != self.len {
             let byte = adu[usize::from(self.position)];
             self.position = self.position.wrapping_add(1);
-            self.crc = crc::update(self.crc, byte);
+            self.sum.push(byte);
             return Some(byte);
         }
         if self.crc_left == 0 {
             return None;
         }
         self.crc_left -= 1;
-        let byte = self.crc as u8;
-        self.crc >>= 8;
-        Some(byte)
+        Some(self.sum.take_check_byte())
     }
 
     /// Whether [`next`](Transmission::next) has nothing more to give.

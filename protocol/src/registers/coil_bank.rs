@@ -1,6 +1,6 @@
 //! A dense bank of coils.
 
-use crate::data::{Coils, CoilsOut};
+use crate::data::{Coils, CoilsOut, bytes_for};
 use crate::exception::Exception;
 
 /// Up to `8 * BYTES` coils or discrete inputs at the addresses from `base` on, packed eight to a byte, the first in the
@@ -91,14 +91,23 @@ impl<const BYTES: usize> CoilBank<BYTES> {
         let offset = self
             .block(first, out.len())
             .ok_or(Exception::IllegalDataAddress)?;
-        let shift = offset as u8 & 7;
-        let bytes = self.bytes.get(usize::from(offset >> 3)..).unwrap_or(&[]);
-        let mut following = bytes.iter();
-        let mut low = following.next().copied().unwrap_or(0);
-        for byte in out.bytes_mut() {
-            let high = following.next().copied().unwrap_or(0);
-            *byte = (u16::from_le_bytes([low, high]) >> shift) as u8;
-            low = high;
+        let out = out.bytes_mut();
+        let source = self.bytes.get(usize::from(offset >> 3)..).unwrap_or(&[]);
+        // The last byte of the answer may have bits of one more byte of the bank.
+        let factor = doubled(8 - (offset as u8 & 7));
+        let mut from_next = match source.get(out.len()) {
+            Some(&cell) => cell.wrapping_mul(factor),
+            None => 0,
+        };
+        for (byte, &cell) in out.iter_mut().zip(source).rev() {
+            // Shifted left by eight a byte stays what it is, but the factor for that does not fit.
+            let own = if factor == 0 {
+                cell
+            } else {
+                high_of_product(cell, factor)
+            };
+            *byte = own | from_next;
+            from_next = cell.wrapping_mul(factor);
         }
         Ok(())
     }
@@ -127,24 +136,40 @@ impl<const BYTES: usize> CoilBank<BYTES> {
             .block(first, values.len())
             .ok_or(Exception::IllegalDataAddress)?;
         let shift = offset as u8 & 7;
-        let mut left = values.len();
-        let mut cells = self
+        let start = usize::from(offset >> 3);
+        let count = bytes_for(values.len() + u16::from(shift));
+        let cells = self
             .bytes
-            .get_mut(usize::from(offset >> 3)..)
-            .unwrap_or(&mut [])
-            .iter_mut();
-        let Some(mut cell) = cells.next() else {
+            .get_mut(start..)
+            .and_then(|cells| cells.get_mut(..count));
+        let Some(cells) = cells else {
+            return Err(Exception::IllegalDataAddress);
+        };
+        let (Some(&first_before), Some(&last_before)) = (cells.first(), cells.last()) else {
             return Ok(());
         };
-        for &byte in values.bytes() {
-            let used: u8 = if left >= 8 { 0xFF } else { (1 << left) - 1 };
-            let [mask_low, mask_high] = (u16::from(used) << shift).to_le_bytes();
-            let [low, high] = (u16::from(byte) << shift).to_le_bytes();
-            *cell = *cell & !mask_low | low & mask_low;
-            left = left.saturating_sub(8);
-            let Some(next) = cells.next() else { break };
-            cell = next;
-            *cell = *cell & !mask_high | high & mask_high;
+
+        let factor = doubled(shift);
+        let mut from_previous = 0;
+        for (cell, &byte) in cells.iter_mut().zip(values.bytes()) {
+            *cell = byte.wrapping_mul(factor) | from_previous;
+            from_previous = high_of_product(byte, factor);
+        }
+        if let Some(cell) = cells.get_mut(values.bytes().len()) {
+            *cell = from_previous;
+        }
+
+        // The neighbours of the block in its first and last byte get their bits back.
+        let before_block = factor - 1;
+        if let Some(cell) = cells.first_mut() {
+            *cell = (*cell & !before_block) | (first_before & before_block);
+        }
+        let end = shift.wrapping_add(values.len() as u8) & 7;
+        if end != 0
+            && let Some(cell) = cells.last_mut()
+        {
+            let in_block = (1 << end) - 1;
+            *cell = (*cell & in_block) | (last_before & !in_block);
         }
         Ok(())
     }
@@ -155,4 +180,25 @@ impl<const BYTES: usize> CoilBank<BYTES> {
         let offset = first.checked_sub(self.base)?;
         (offset < self.count && count <= self.count - offset).then_some(offset)
     }
+}
+
+/// The factor that shifts left by so many bits; 0 for eight.
+///
+/// AVR shifts by one bit at a time, but multiplies two bytes in two cycles. A loop, because the compiler takes a product with
+/// `1 << times` for a shift.
+#[inline(always)]
+fn doubled(times: u8) -> u8 {
+    let mut factor: u8 = 1;
+    let mut left = times;
+    while left != 0 {
+        factor = factor.wrapping_add(factor);
+        left -= 1;
+    }
+    factor
+}
+
+/// What a product moves out at the top.
+#[inline(always)]
+fn high_of_product(byte: u8, factor: u8) -> u8 {
+    ((u16::from(byte) * u16::from(factor)) >> 8) as u8
 }

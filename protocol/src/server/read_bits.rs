@@ -27,7 +27,7 @@ pub(super) fn prepare<M: DataModel>(
         return Err(Exception::IllegalDataValue);
     };
     bytes.fill(0);
-    let out = CoilsOut::new(bytes, count);
+    let out = CoilsOut::of(bytes, count);
     if code == READ_COILS {
         model.coils(first, out)?;
     } else {

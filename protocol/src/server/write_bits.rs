@@ -41,10 +41,10 @@ pub(super) fn commit<M: DataModel>(model: &mut M, frame: &Adu) -> Result<(), Exc
 fn values(frame: &Adu) -> Coils<'_> {
     if frame[1] == WRITE_SINGLE_COIL {
         // Of 0xFF00 and 0x0000 the high byte is the coil, in its lowest bit as in every byte of coils.
-        Coils::new(&frame[4..5], 1)
+        Coils::of(&frame[4..5], 1)
     } else {
         let end = usize::from(MULTIPLE_HEAD) + usize::from(frame[6]);
-        Coils::new(
+        Coils::of(
             frame.get(usize::from(MULTIPLE_HEAD)..end).unwrap_or(&[]),
             two_words(frame).1,
         )

@@ -1,2 +1,55 @@
-//! The commands of this repository.
-fn main() {}
+//! The commands of this repository: `cargo xtask --help` lists them.
+//!
+//! Built with the plain stable toolchain and without any C library, so that it runs on a machine
+//! that has nothing else yet: [`setup`] brings the rest. It never links the simulator; `sim` and
+//! `demo` are programs of the tests crate which this one builds and becomes.
+
+mod check;
+mod cli;
+mod demo;
+mod error;
+mod firmware;
+mod flash;
+mod image;
+mod needs;
+mod python;
+mod repo;
+mod setup;
+mod sim;
+mod size;
+mod tally;
+mod toolchain;
+
+/// The divisor arithmetic of the Nano's USART, from the crate that uses it: one source for both.
+#[path = "../../board-nano/embassy-avr-hal/src/baud.rs"]
+#[allow(
+    dead_code,
+    reason = "the firmware uses parts of it that a check does not need"
+)]
+mod baud;
+
+use cli::Command;
+use error::Error;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    match run(cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => error.report(),
+    }
+}
+
+fn run(command: Command) -> Result<(), Error> {
+    match command {
+        Command::Setup { check: true } => setup::report(),
+        Command::Setup { check: false } => setup::install(),
+        Command::Build(request) => firmware::build_and_show(&request),
+        Command::Sim(request) => sim::run(&request),
+        Command::Demo { hold } => demo::run(hold),
+        Command::Test => check::run(),
+        Command::Flash(request) => flash::run(&request),
+        Command::Bench { .. } => Err(Error::usage(
+            "bench is not in this version; `cargo xtask build` prints the sizes",
+        )),
+    }
+}

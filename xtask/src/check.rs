@@ -1,0 +1,192 @@
+//! `test`: every check and test of the repository, counted on the last line.
+
+use crate::error::Error;
+use crate::firmware::{Builder, collect_files};
+use crate::image::{App, Board, Format, Image, Options};
+use crate::needs::Purpose;
+use crate::sim::Scenario;
+use crate::tally::{Counts, Tally};
+use crate::{python, repo, setup};
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
+/// The packages whose tests run as debug builds, with overflow checks; the simulated bus is too slow
+/// without optimisation.
+const SIMULATED: &str = "multidrop-bus";
+
+/// Which stream a tool prints its summary to.
+enum Summary {
+    Rust,
+    Python,
+}
+
+/// Sets up, runs everything, and prints `N passed, N failed` last.
+///
+/// # Errors
+/// Exit code 1 when anything failed.
+pub fn run() -> Result<(), Error> {
+    let mut tally = Tally::default();
+    let purposes = [
+        Purpose::Firmware,
+        Purpose::Simulator,
+        Purpose::Client,
+        Purpose::Checks,
+    ];
+    match setup::prepare(&purposes) {
+        Ok(()) => run_all(&mut tally),
+        Err(error) => {
+            println!("{}", error.message());
+            tally.check("setup", false);
+        }
+    }
+    println!("\n{tally}");
+    if tally.is_good() {
+        Ok(())
+    } else {
+        Err(Error::silent(1))
+    }
+}
+
+fn run_all(tally: &mut Tally) {
+    let mut host_format = repo::cargo_in_root(&["fmt", "--all", "--check"]);
+    check(tally, "format of the host's crates", &mut host_format);
+    check_board_format(tally);
+
+    // As a release build: the simulator's C sources are then compiled once, not twice.
+    let lint = ["clippy", "--release", "--workspace", "--all-targets"];
+    let mut host_lint = repo::cargo_in_root(&[&lint[..], &["--", "-D", "warnings"]].concat());
+    check(tally, "clippy of the host's crates", &mut host_lint);
+
+    match Builder::new() {
+        Ok(builder) => {
+            let mut board_lint = builder.toolchain().cargo_in_board();
+            board_lint
+                .args(["clippy", "--release", "--workspace", "--target-dir"])
+                .arg(repo::root().join("target/avr"))
+                .args(["--", "-D", "warnings"]);
+            check(tally, "clippy of the board's crates", &mut board_lint);
+            for image in all_images() {
+                headline(&image.stem());
+                let built = builder.build(&image);
+                if let Err(error) = &built {
+                    println!("{}", error.message());
+                }
+                tally.check(&image.stem(), built.is_ok());
+            }
+        }
+        Err(error) => {
+            println!("{}", error.message());
+            tally.check("firmware compiler", false);
+        }
+    }
+
+    let mut units = repo::cargo_in_root(&["test", "--no-fail-fast", "--workspace"]);
+    units.args(["--exclude", SIMULATED]);
+    run_tests(tally, "tests of the host's crates", units, Summary::Rust);
+    let mut bus = repo::cargo_in_root(&["test", "--no-fail-fast", "--release"]);
+    bus.args(["--package", SIMULATED]);
+    run_tests(tally, "tests on the simulated bus", bus, Summary::Rust);
+
+    let mut clients = Command::new(python::interpreter());
+    clients
+        .current_dir(repo::root())
+        .env("PYTHONDONTWRITEBYTECODE", "1")
+        .env("CARGO", repo::cargo_program())
+        .args(["-m", "unittest", "discover", "-v", "-s", "tests/python"]);
+    run_tests(tally, "clients in Python", clients, Summary::Python);
+}
+
+/// Every image that a test or scenario takes.
+fn all_images() -> Vec<Image> {
+    let registers = |options: Options| Image::new(Board::Nano, App::Registers, options);
+    let variants = [
+        Options {
+            count: Some(128),
+            ..Options::default()
+        },
+        Options {
+            baud: Some(115_200),
+            ..Options::default()
+        },
+        Options {
+            format: Some(Format::Bits8Even1),
+            ..Options::default()
+        },
+    ];
+    let mut images = Vec::new();
+    images.extend(Image::new(Board::Nano, App::DemoUnit, Options::default()));
+    for scenario in [Scenario::DemoUnit, Scenario::Registers] {
+        images.extend(scenario.images().expect("in this version"));
+    }
+    images.extend(variants.map(|options| registers(options).expect("a valid image")));
+    images
+}
+
+/// rustfmt itself, on every file: the board's cargo wants a compiler that may bring no rustfmt.
+fn check_board_format(tally: &mut Tally) {
+    let mut files = Vec::new();
+    let listed = collect_files(&repo::root().join("board-nano"), &mut files);
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "rs"));
+    let mut rustfmt = Command::new("rustfmt");
+    rustfmt
+        .current_dir(repo::root())
+        .args(["--edition", "2024", "--check"])
+        .args(&files);
+    if listed.is_ok() && !files.is_empty() {
+        check(tally, "format of the board's crates", &mut rustfmt);
+    } else {
+        tally.check("format of the board's crates", false);
+    }
+}
+
+fn headline(name: &str) {
+    println!("\n== {name}");
+}
+
+fn check(tally: &mut Tally, name: &str, command: &mut Command) {
+    headline(name);
+    let outcome = repo::run(command);
+    if let Err(error) = &outcome {
+        println!("{}", error.message());
+    }
+    tally.check(name, outcome.is_ok());
+}
+
+/// Runs a tool, shows what it prints as it comes, and counts by its summary.
+fn run_tests(tally: &mut Tally, name: &str, mut command: Command, summary: Summary) {
+    headline(name);
+    match summary {
+        Summary::Rust => command.stdout(Stdio::piped()),
+        Summary::Python => command.stderr(Stdio::piped()),
+    };
+    let mut child = match command.spawn() {
+        Ok(child) => child,
+        Err(error) => {
+            println!("{}: {error}", repo::shown(&command));
+            return tally.check(name, false);
+        }
+    };
+    let mut counts = Counts::default();
+    match summary {
+        Summary::Rust => echo(child.stdout.take(), |line| counts.take_rust(line)),
+        Summary::Python => echo(child.stderr.take(), |line| counts.take_python(line)),
+    }
+    let succeeded = child.wait().is_ok_and(|status| status.success());
+    tally.tool(name, succeeded, counts);
+}
+
+fn echo(stream: Option<impl std::io::Read>, mut take: impl FnMut(&str)) {
+    let Some(stream) = stream else { return };
+    let mut reader = BufReader::new(stream);
+    let mut line = Vec::new();
+    // Bytes, not text: a test may print anything, and must not end the count.
+    while reader
+        .read_until(b'\n', &mut line)
+        .is_ok_and(|read| read > 0)
+    {
+        let text = String::from_utf8_lossy(&line);
+        print!("{text}");
+        take(text.trim_end());
+        line.clear();
+    }
+}

@@ -1,0 +1,218 @@
+//! The words and options of the command line, and the answer to wrong ones.
+
+use crate::image::{App, Board, Format, Options};
+use crate::sim::Scenario;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Builds, simulates, shows, tests and flashes multidrop.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// One command with its options.
+#[derive(Subcommand)]
+pub enum Command {
+    /// Install the compilers, the simulator's libraries and the test programs; say what was done.
+    Setup {
+        /// Only report what is there and what is missing; exit 1 if something is.
+        #[arg(long)]
+        check: bool,
+    },
+    /// Build a firmware image and print the flash and static RAM it takes.
+    ///
+    /// The last line is `image: PATH`. The .hex file to flash stands beside it.
+    Build(ImageRequest),
+    /// Run a simulated bus in real time on a pseudo terminal.
+    ///
+    /// Prints `ready: PATH` when the nodes listen. Ctrl-C, SIGTERM or --seconds ends it.
+    Sim(SimRequest),
+    /// Show the demonstration unit: three Nanos on one simulated bus, driven by mbpoll.
+    Demo {
+        /// Keep the bus up afterwards, for clients of your own.
+        #[arg(long)]
+        hold: bool,
+    },
+    /// Run every check and test; the last line is `N passed, N failed`.
+    Test,
+    /// Write an image to a board.
+    Flash(FlashRequest),
+    /// Measure sizes, turnaround and loss-free baud.
+    #[command(hide = true)]
+    Bench {
+        /// Write the table as JSON to this file too.
+        #[arg(long, value_name = "PATH")]
+        json: Option<PathBuf>,
+    },
+}
+
+/// Which image: a board, an application, and the options compiled into it.
+#[derive(Args)]
+pub struct ImageRequest {
+    /// The board.
+    #[arg(value_enum)]
+    pub board: Board,
+    /// The application.
+    #[arg(value_enum)]
+    pub app: App,
+    #[command(flatten)]
+    pub options: ImageOptions,
+}
+
+/// The options that are compiled into an image.
+#[derive(Args)]
+pub struct ImageOptions {
+    /// Unit id of demo-unit, 1..=247 [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=247))]
+    unit: Option<u8>,
+    /// Items in each table of registers, 1..=128 [default: 16]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=128))]
+    count: Option<u8>,
+    /// Baud rate, within 2.5 % of what the clock can make [default: 38400]
+    #[arg(long, value_name = "N")]
+    baud: Option<u32>,
+    /// Character format: data bits, parity, stop bits [default: 8N1]
+    #[arg(long, value_enum, ignore_case = true)]
+    format: Option<Format>,
+}
+
+impl From<&ImageOptions> for Options {
+    fn from(given: &ImageOptions) -> Self {
+        Self {
+            unit: given.unit,
+            count: given.count,
+            baud: given.baud,
+            format: given.format,
+        }
+    }
+}
+
+/// Which bus, and how long.
+#[derive(Args)]
+pub struct SimRequest {
+    /// The bus to run.
+    #[arg(value_enum)]
+    pub scenario: Scenario,
+    /// The link to the pseudo terminal that is made, and removed at the end.
+    #[arg(long, value_name = "PATH", default_value = "./bus")]
+    pub link: PathBuf,
+    /// End after this many seconds.
+    #[arg(long, value_name = "N")]
+    pub seconds: Option<u32>,
+    /// Send this canned message onto the bus once the nodes listen; a wrong name lists them.
+    #[arg(long, value_name = "NAME")]
+    pub inject: Option<String>,
+}
+
+/// Which image goes where.
+#[derive(Args)]
+pub struct FlashRequest {
+    #[command(flatten)]
+    pub image: ImageRequest,
+    /// The serial port of the board; found by itself where there is only one.
+    #[arg(long, value_name = "TTY")]
+    pub port: Option<PathBuf>,
+    /// The boot loader in the Nano, which sets the speed: old 57600 baud, new 115200 baud.
+    #[arg(long, value_enum, default_value = "old")]
+    pub bootloader: Bootloader,
+}
+
+/// The two boot loaders that Nanos are sold with.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Bootloader {
+    /// ATmegaBOOT, 2 KB, 57600 baud: most boards
+    Old,
+    /// Optiboot, 512 bytes, 115200 baud
+    New,
+}
+
+/// Reads the command line; on a wrong word prints what is right and ends with exit code 2.
+pub fn parse() -> Command {
+    match Cli::try_parse() {
+        Ok(cli) => cli.command,
+        Err(error) if error.kind() == ErrorKind::InvalidSubcommand => {
+            eprintln!("{}", unknown_command(&error));
+            std::process::exit(2)
+        }
+        Err(error) => error.exit(),
+    }
+}
+
+/// clap suggests a similar word; a user is better served by all of them.
+fn unknown_command(error: &clap::Error) -> String {
+    let word = match error.get(ContextKind::InvalidSubcommand) {
+        Some(ContextValue::String(word)) => word.as_str(),
+        _ => "",
+    };
+    let command = Cli::command();
+    let known: Vec<_> = command
+        .get_subcommands()
+        .filter(|sub| !sub.is_hide_set())
+        .map(clap::Command::get_name)
+        .collect();
+    format!(
+        "error: there is no command '{word}'; the commands are: {}",
+        known.join(", ")
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_definition_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    fn refusal(words: &[&str]) -> clap::Error {
+        match Cli::try_parse_from([&["cargo xtask"], words].concat()) {
+            Ok(_) => panic!("{words:?} was accepted"),
+            Err(error) => error,
+        }
+    }
+
+    #[test]
+    fn a_wrong_command_is_answered_with_all_commands() {
+        let text = unknown_command(&refusal(&["biuld"]));
+        assert_eq!(
+            text,
+            "error: there is no command 'biuld'; the commands are: setup, build, sim, demo, test, flash"
+        );
+    }
+
+    #[test]
+    fn wrong_values_end_with_code_2_and_name_field_value_and_range() {
+        for (words, said) in [
+            (
+                &["build", "nano", "demo-unit", "--unit", "0"][..],
+                ["'0'", "--unit", "1..=247"],
+            ),
+            (
+                &["build", "nano", "demo-unit", "--unit", "248"],
+                ["'248'", "--unit", "1..=247"],
+            ),
+            (
+                &["build", "nano", "registers", "--count", "129"],
+                ["'129'", "--count", "1..=128"],
+            ),
+            (
+                &["build", "nano", "blink"],
+                ["'blink'", "demo-unit", "registers"],
+            ),
+            (&["build", "uno", "registers"], ["'uno'", "BOARD", "nano"]),
+            (&["sim", "bus"], ["'bus'", "demo-unit", "registers"]),
+        ] {
+            let error = refusal(words);
+            let text = error.to_string();
+            assert_eq!(error.exit_code(), 2, "{words:?}");
+            for part in said {
+                assert!(text.contains(part), "{words:?}: {part} not in {text}");
+            }
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! Building firmware images: the board's cargo, then the files that are flashed and simulated.
+
+use crate::cli::ImageRequest;
+use crate::error::Error;
+use crate::image::Image;
+use crate::needs::Purpose;
+use crate::toolchain::Toolchain;
+use crate::{repo, setup, size};
+use std::fs::{self, File};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What an image is made from: folders, and the manifest from which their packages inherit.
+const SOURCES: &[&str] = &["protocol", "firmware", "board-nano", "Cargo.toml"];
+
+/// `build`: the image, its sizes, and its path on the last line.
+///
+/// # Errors
+/// [`Error::usage`] for an image that cannot be had or a missing compiler, before anything is
+/// built; else what cargo said.
+pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
+    let image = Image::new(request.board, request.app, (&request.options).into())?;
+    setup::require(&[Purpose::Firmware])?;
+    Builder::new()?.build(&image)?;
+    let elf = image.elf();
+    print!("{}", size::of(&repo::root().join(&elf))?);
+    println!("image: {}", elf.display());
+    Ok(())
+}
+
+/// Builds images with one compiler, looked up once.
+pub struct Builder {
+    toolchain: Toolchain,
+}
+
+impl Builder {
+    /// # Errors
+    /// [`Error::usage`] when the firmware compiler is missing.
+    pub fn new() -> Result<Self, Error> {
+        let toolchain = setup::firmware_compiler()?;
+        Ok(Self { toolchain })
+    }
+
+    /// The compiler.
+    pub fn toolchain(&self) -> &Toolchain {
+        &self.toolchain
+    }
+
+    /// Builds `image` unless it stands there already, made from the same sources, options and
+    /// compiler. Gives the full path of the ELF file.
+    ///
+    /// # Errors
+    /// [`Error::failed`] when cargo or avr-objcopy fails.
+    pub fn build(&self, image: &Image) -> Result<PathBuf, Error> {
+        let elf = repo::root().join(image.elf());
+        let hex = elf.with_extension("hex");
+        let stamp = elf.with_extension("stamp");
+        let folder = elf.parent().expect("a file in a folder");
+        fs::create_dir_all(folder).map_err(|error| Error::io(folder.display(), error))?;
+
+        // All images of an application come out of cargo under one name: until it is copied, no
+        // other build may begin.
+        let lock_path = folder.join("lock");
+        let lock =
+            File::create(&lock_path).map_err(|error| Error::io(lock_path.display(), error))?;
+        lock.lock()
+            .map_err(|error| Error::io(lock_path.display(), error))?;
+
+        let key = self.key(image)?;
+        let fresh = fs::read_to_string(&stamp).is_ok_and(|made| made == key);
+        if fresh && elf.exists() && hex.exists() {
+            return Ok(elf);
+        }
+        self.compile(image)?;
+        let made = repo::root()
+            .join("target/avr/avr-none/release")
+            .join(format!("{}.elf", image.app()));
+        copy(&made, &elf)?;
+        repo::run(
+            Command::new("avr-objcopy")
+                // The hex file is for the flash alone; EEPROM has its own.
+                .args(["-O", "ihex", "-R", ".eeprom"])
+                .args([&elf, &hex]),
+        )?;
+        fs::write(&stamp, key).map_err(|error| Error::io(stamp.display(), error))?;
+        Ok(elf)
+    }
+
+    fn compile(&self, image: &Image) -> Result<(), Error> {
+        eprintln!("building {}", image.stem());
+        let mut cargo = self.toolchain.cargo_in_board();
+        cargo
+            .args(["build", "--release", "--bin", &image.app()])
+            .arg("--target-dir")
+            .arg(repo::root().join("target/avr"));
+        for (name, value) in image.environment() {
+            match value {
+                Some(value) => cargo.env(name, value),
+                None => cargo.env_remove(name),
+            };
+        }
+        repo::run(&mut cargo)
+    }
+
+    /// Names everything that the image depends on. The contents of the sources count, not their
+    /// dates, which a checkout changes.
+    fn key(&self, image: &Image) -> Result<String, Error> {
+        let mut files = Vec::new();
+        for source in SOURCES {
+            collect_files(&repo::root().join(source), &mut files)
+                .map_err(|error| Error::io(source, error))?;
+        }
+        files.sort();
+        let mut hasher = DefaultHasher::new();
+        self.toolchain.version().hash(&mut hasher);
+        image.environment().hash(&mut hasher);
+        for file in files {
+            let contents = fs::read(&file).map_err(|error| Error::io(file.display(), error))?;
+            (file, contents).hash(&mut hasher);
+        }
+        Ok(format!("{:016x}\n", hasher.finish()))
+    }
+}
+
+/// Copies in one step, so that a simulator never loads half an image.
+fn copy(from: &Path, to: &Path) -> Result<(), Error> {
+    let partial = to.with_extension("partial");
+    fs::copy(from, &partial).map_err(|error| Error::io(from.display(), error))?;
+    fs::rename(&partial, to).map_err(|error| Error::io(to.display(), error))
+}
+
+/// Every file below `path`, build results aside.
+pub fn collect_files(path: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
+    if !path.is_dir() {
+        files.push(path.to_owned());
+        return Ok(());
+    }
+    for entry in fs::read_dir(path)? {
+        let entry = entry?;
+        if entry.file_name() != "target" {
+            collect_files(&entry.path(), files)?;
+        }
+    }
+    Ok(())
+}

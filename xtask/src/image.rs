@@ -1,0 +1,339 @@
+//! Firmware images: which there are, what can be compiled into them, and what the file is called.
+
+use crate::baud;
+use crate::error::Error;
+use clap::ValueEnum;
+use std::path::PathBuf;
+
+/// A board that images are built for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Board {
+    /// Arduino Nano, ATmega328P at 16 MHz
+    Nano,
+    /// STM32F405
+    #[value(hide = true)]
+    Stm32,
+}
+
+impl Board {
+    /// CPU clock of the board in Hz, from which its baud rates are divided.
+    const fn clock_hz(self) -> u32 {
+        match self {
+            Self::Nano => 16_000_000,
+            Self::Stm32 => 168_000_000,
+        }
+    }
+}
+
+/// An application that a board can be built with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum App {
+    /// Remote output module: one register on the LED pins
+    DemoUnit,
+    /// The yardstick: N of each table
+    Registers,
+    /// Every function, for conformance tests
+    #[value(hide = true)]
+    Conformance,
+    /// Counters and sampled sensors
+    #[value(hide = true)]
+    SensorNode,
+    /// A client with two relays
+    #[value(hide = true)]
+    RelayPanel,
+    /// Four ports at once
+    #[value(hide = true)]
+    Ports,
+}
+
+/// Bits of a character.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "UPPER")]
+#[allow(
+    missing_docs,
+    reason = "data bits, parity, stop bits: the name says it"
+)]
+pub enum Format {
+    #[value(name = "8N1")]
+    Bits8None1,
+    #[value(name = "8E1")]
+    Bits8Even1,
+    #[value(name = "8O1")]
+    Bits8Odd1,
+    #[value(name = "8N2")]
+    Bits8None2,
+    #[value(name = "7E1")]
+    Bits7Even1,
+    #[value(name = "7O1")]
+    Bits7Odd1,
+    #[value(name = "7N2")]
+    Bits7None2,
+}
+
+/// The word that a user types for a value.
+pub fn word(value: impl ValueEnum) -> String {
+    value
+        .to_possible_value()
+        .expect("no value is skipped")
+        .get_name()
+        .to_owned()
+}
+
+/// What is compiled into an image in place of the application's own settings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Options {
+    /// Unit id, 1..=247.
+    pub unit: Option<u8>,
+    /// Items in each table, 1..=128.
+    pub count: Option<u8>,
+    /// Baud rate.
+    pub baud: Option<u32>,
+    /// Character format.
+    pub format: Option<Format>,
+}
+
+/// One image that can be built: checked, so that the build cannot be asked for nonsense.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Image {
+    board: Board,
+    app: App,
+    options: Options,
+}
+
+impl Image {
+    /// # Errors
+    /// [`Error::usage`] for a board or application that is not in this version, an option that the
+    /// application does not have, a baud rate that the clock cannot make within 2.5 %, and a
+    /// 7-bit format.
+    pub fn new(board: Board, app: App, options: Options) -> Result<Self, Error> {
+        if board == Board::Stm32 {
+            return Err(Error::usage(
+                "board-stm32 is not in this version; the boards are: nano",
+            ));
+        }
+        if !matches!(app, App::DemoUnit | App::Registers) {
+            return Err(Error::usage(format!(
+                "the application {} is not in this version; the applications are: demo-unit, registers",
+                word(app)
+            )));
+        }
+        if options.unit.is_some() && app != App::DemoUnit {
+            return Err(Error::usage(format!(
+                "--unit: {} has the fixed unit id 1; only demo-unit takes a unit id",
+                word(app)
+            )));
+        }
+        if options.count.is_some() && app != App::Registers {
+            return Err(Error::usage(format!(
+                "--count: {} has one register; only registers takes a count",
+                word(app)
+            )));
+        }
+        if let Some(baud) = options.baud {
+            check_baud(board, baud)?;
+        }
+        if let Some(format) = options.format {
+            check_rtu_format(format)?;
+        }
+        Ok(Self {
+            board,
+            app,
+            options,
+        })
+    }
+
+    /// The name of the application's binary.
+    pub fn app(&self) -> String {
+        word(self.app)
+    }
+
+    /// File name without extension: board, application, then the options that were given, in the
+    /// order unit, count, baud, format.
+    pub fn stem(&self) -> String {
+        let mut stem = format!("{}-{}", word(self.board), word(self.app));
+        for (name, value) in self.given() {
+            stem.push_str(&format!("-{name}{value}"));
+        }
+        stem
+    }
+
+    /// Where the ELF file stands, from the root of the repository.
+    pub fn elf(&self) -> PathBuf {
+        PathBuf::from(format!("target/firmware/{}.elf", self.stem()))
+    }
+
+    /// The environment that hands the options to the firmware's build: every variable there is,
+    /// with nothing for an option that was not given.
+    pub fn environment(&self) -> Vec<(String, Option<String>)> {
+        let given = self.given();
+        ["unit", "count", "baud", "format"]
+            .into_iter()
+            .map(|name| {
+                let value = given
+                    .iter()
+                    .find(|(known, _)| *known == name)
+                    .map(|(_, value)| value.clone());
+                (format!("MULTIDROP_{}", name.to_uppercase()), value)
+            })
+            .collect()
+    }
+
+    fn given(&self) -> Vec<(&'static str, String)> {
+        let Options {
+            unit,
+            count,
+            baud,
+            format,
+        } = self.options;
+        [
+            ("unit", unit.map(|n| n.to_string())),
+            ("count", count.map(|n| n.to_string())),
+            ("baud", baud.map(|n| n.to_string())),
+            ("format", format.map(word)),
+        ]
+        .into_iter()
+        .filter_map(|(name, value)| Some((name, value?)))
+        .collect()
+    }
+}
+
+fn check_baud(board: Board, baud: u32) -> Result<(), Error> {
+    match baud::divisor(board.clock_hz(), baud) {
+        Ok(_) => Ok(()),
+        Err(refused) => Err(Error::usage(format!(
+            "--baud {baud}: the {} MHz clock of the {} cannot make it within 2.5 %; \
+             the nearest rate it makes is {}",
+            board.clock_hz() / 1_000_000,
+            word(board),
+            refused.nearest
+        ))),
+    }
+}
+
+fn check_rtu_format(format: Format) -> Result<(), Error> {
+    match format {
+        Format::Bits8None1 | Format::Bits8Even1 | Format::Bits8Odd1 | Format::Bits8None2 => Ok(()),
+        Format::Bits7Even1 | Format::Bits7Odd1 | Format::Bits7None2 => Err(Error::usage(format!(
+            "--format {}: RTU sends bytes and needs 8 data bits; 7 are for ASCII, which is not \
+                 in this version. The formats for RTU are: 8N1, 8E1, 8O1, 8N2",
+            word(format)
+        ))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn nano(app: App, options: Options) -> Result<Image, Error> {
+        Image::new(Board::Nano, app, options)
+    }
+
+    fn refusal(result: Result<Image, Error>) -> String {
+        let error = result.expect_err("accepted");
+        assert_eq!(error.code(), 2);
+        error.message().to_owned()
+    }
+
+    #[test]
+    fn names_hold_the_options_given_in_a_fixed_order() {
+        let plain = nano(App::DemoUnit, Options::default()).unwrap();
+        assert_eq!(
+            plain.elf().to_str(),
+            Some("target/firmware/nano-demo-unit.elf")
+        );
+        let full = Options {
+            count: Some(128),
+            baud: Some(115_200),
+            format: Some(Format::Bits8Even1),
+            ..Options::default()
+        };
+        assert_eq!(
+            nano(App::Registers, full).unwrap().stem(),
+            "nano-registers-count128-baud115200-format8E1"
+        );
+        let second = Options {
+            unit: Some(2),
+            ..Options::default()
+        };
+        assert_eq!(
+            nano(App::DemoUnit, second).unwrap().stem(),
+            "nano-demo-unit-unit2"
+        );
+    }
+
+    #[test]
+    fn options_not_given_are_withheld_from_the_build() {
+        let baud = Options {
+            baud: Some(9_600),
+            ..Options::default()
+        };
+        let environment = nano(App::Registers, baud).unwrap().environment();
+        assert_eq!(
+            environment,
+            [
+                ("MULTIDROP_UNIT".to_owned(), None),
+                ("MULTIDROP_COUNT".to_owned(), None),
+                ("MULTIDROP_BAUD".to_owned(), Some("9600".to_owned())),
+                ("MULTIDROP_FORMAT".to_owned(), None),
+            ]
+        );
+    }
+
+    #[test]
+    fn a_baud_off_by_more_than_the_limit_names_the_nearest() {
+        let with = |baud| {
+            nano(
+                App::Registers,
+                Options {
+                    baud: Some(baud),
+                    ..Options::default()
+                },
+            )
+        };
+        assert!(with(115_200).is_ok(), "2.1 % off and in use everywhere");
+        let text = refusal(with(921_600));
+        assert!(
+            text.contains("--baud 921600") && text.ends_with("1000000"),
+            "{text}"
+        );
+        refusal(with(0));
+    }
+
+    #[test]
+    fn formats_of_seven_bits_are_for_ascii() {
+        let with = |format| {
+            nano(
+                App::Registers,
+                Options {
+                    format: Some(format),
+                    ..Options::default()
+                },
+            )
+        };
+        assert!(with(Format::Bits8None2).is_ok());
+        assert!(refusal(with(Format::Bits7Even1)).contains("7E1"));
+    }
+
+    #[test]
+    fn what_is_not_there_yet_is_said_to_be_so() {
+        let stm32 = refusal(Image::new(Board::Stm32, App::Registers, Options::default()));
+        assert!(stm32.contains("board-stm32 is not in this version"));
+        let ports = refusal(nano(App::Ports, Options::default()));
+        assert!(ports.contains("ports is not in this version"));
+    }
+
+    #[test]
+    fn an_option_of_another_application_is_refused() {
+        let unit = Options {
+            unit: Some(2),
+            ..Options::default()
+        };
+        assert!(refusal(nano(App::Registers, unit)).starts_with("--unit"));
+        let count = Options {
+            count: Some(2),
+            ..Options::default()
+        };
+        assert!(refusal(nano(App::DemoUnit, count)).starts_with("--count"));
+    }
+}

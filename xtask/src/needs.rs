@@ -1,0 +1,257 @@
+//! What has to be on the machine, how it is recognised, and what it is called where.
+//!
+//! Everything is looked for itself, never a note that it was installed once: the look takes
+//! milliseconds, and a note would be wrong after the first clean-up.
+
+use crate::repo;
+use crate::toolchain::Toolchain;
+use crate::{python, toolchain};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// What a command is about to do, and so what has to be there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Building images.
+    Firmware,
+    /// Building and running the simulated bus.
+    Simulator,
+    /// A Modbus client that others wrote.
+    Client,
+    /// The checks of `test` that go beyond that.
+    Checks,
+}
+
+/// One thing that has to be on the machine.
+pub struct Need {
+    /// What it is.
+    pub name: &'static str,
+    /// What it is for.
+    pub purpose: Purpose,
+    /// Where it was found, or nothing.
+    pub found: fn() -> Option<String>,
+    /// Debian's packages that bring it; none where it does not come as a package.
+    pub debian: &'static [&'static str],
+    /// How to get it by hand on other systems.
+    pub by_hand: &'static str,
+}
+
+impl Need {
+    /// What to say of it when it is missing.
+    pub fn how(&self) -> String {
+        if self.debian.is_empty() {
+            format!("{}: {}", self.name, self.by_hand)
+        } else {
+            format!(
+                "{}: Debian, Ubuntu: {}; {}",
+                self.name,
+                self.debian.join(" "),
+                self.by_hand
+            )
+        }
+    }
+}
+
+/// Debian's packages of the firmware's compiler.
+pub const COMPILER_PACKAGES: &[&str] = &["rustc-web", "cargo-web", "rust-web-src"];
+
+/// Everything, in the order in which it is reported.
+pub const ALL: &[Need] = &[
+    Need {
+        name: "firmware compiler",
+        purpose: Purpose::Firmware,
+        found: || Toolchain::find().map(|found| found.describe()),
+        // Not by the list of packages: setup tries rustup first.
+        debian: &[],
+        by_hand: "with rustup: rustup toolchain install 1.96.0 -c rust-src -c clippy; on Debian \
+                  without it: rustc-web cargo-web rust-web-src rust-web-clippy of release 1.96",
+    },
+    Need {
+        name: "avr-gcc",
+        purpose: Purpose::Firmware,
+        found: || program("avr-gcc"),
+        debian: &["gcc-avr"],
+        by_hand: "Fedora: avr-gcc; Arch: avr-gcc; macOS: brew install osx-cross/avr/avr-gcc",
+    },
+    Need {
+        name: "avr-libc",
+        purpose: Purpose::Firmware,
+        found: avr_libc,
+        debian: &["avr-libc"],
+        by_hand: "Fedora: avr-libc; Arch: avr-libc; macOS: comes with osx-cross/avr/avr-gcc",
+    },
+    Need {
+        name: "avr-objcopy",
+        purpose: Purpose::Firmware,
+        found: || program("avr-objcopy"),
+        debian: &["binutils-avr"],
+        by_hand: "Fedora: avr-binutils; Arch: avr-binutils; macOS: brew install osx-cross/avr/avr-binutils",
+    },
+    Need {
+        name: "C compiler",
+        purpose: Purpose::Simulator,
+        found: || program("cc"),
+        debian: &["gcc", "libc6-dev"],
+        by_hand: "Fedora: gcc; Arch: base-devel; macOS: xcode-select --install",
+    },
+    Need {
+        name: "make",
+        purpose: Purpose::Simulator,
+        found: || program("make"),
+        debian: &["make"],
+        by_hand: "Fedora: make; Arch: base-devel; macOS: xcode-select --install",
+    },
+    Need {
+        name: "pkg-config",
+        purpose: Purpose::Simulator,
+        found: || program("pkg-config"),
+        debian: &["pkg-config"],
+        by_hand: "Fedora: pkgconf-pkg-config; Arch: pkgconf; macOS: brew install pkgconf",
+    },
+    Need {
+        name: "libclang",
+        purpose: Purpose::Simulator,
+        found: libclang,
+        debian: &["libclang-dev"],
+        by_hand: "Fedora: clang-devel; Arch: clang; macOS: brew install llvm",
+    },
+    Need {
+        name: "libelf headers",
+        purpose: Purpose::Simulator,
+        found: || header("libelf.h"),
+        debian: &["libelf-dev"],
+        by_hand: "Fedora: elfutils-libelf-devel; Arch: libelf; macOS: brew install libelf",
+    },
+    Need {
+        name: "zstd headers",
+        purpose: Purpose::Simulator,
+        found: || header("zstd.h"),
+        debian: &["libzstd-dev"],
+        by_hand: "Fedora: libzstd-devel; Arch: zstd; macOS: brew install zstd",
+    },
+    Need {
+        name: "zlib headers",
+        purpose: Purpose::Simulator,
+        found: || header("zlib.h"),
+        debian: &["zlib1g-dev"],
+        by_hand: "Fedora: zlib-devel; Arch: zlib; macOS: part of the system's tools",
+    },
+    Need {
+        name: "mbpoll",
+        purpose: Purpose::Client,
+        found: || program("mbpoll"),
+        debian: &["mbpoll"],
+        by_hand: "elsewhere: build it from the repository epsilonrt/mbpoll",
+    },
+    Need {
+        name: "firmware clippy",
+        purpose: Purpose::Checks,
+        found: || {
+            Toolchain::find()?
+                .has_clippy()
+                .then(|| toolchain::RELEASE.to_owned())
+        },
+        debian: &[],
+        by_hand: "with rustup: rustup component add clippy --toolchain 1.96.0; on Debian without \
+                  it: rust-web-clippy",
+    },
+    Need {
+        name: "rustfmt and clippy",
+        purpose: Purpose::Checks,
+        found: host_lints,
+        debian: &[],
+        by_hand: "with rustup: rustup component add rustfmt clippy",
+    },
+    Need {
+        name: "Python with pymodbus",
+        purpose: Purpose::Checks,
+        found: python::found,
+        // The packages bring Python itself; pymodbus comes from its own registry.
+        debian: &[],
+        by_hand: "Python 3.10 or newer with venv (Debian: python3 python3-venv; Fedora: python3; \
+                  Arch: python; macOS: brew install python) and access to a Python package registry",
+    },
+];
+
+fn program(name: &str) -> Option<String> {
+    repo::in_path(name).map(|path| path.display().to_string())
+}
+
+/// The start-up object of the Nano's chip is what the linker takes from avr-libc.
+fn avr_libc() -> Option<String> {
+    let file = repo::output_of(
+        Command::new("avr-gcc").args(["-mmcu=atmega328p", "-print-file-name=crtatmega328p.o"]),
+    )?;
+    // Without it avr-gcc gives the bare name back.
+    Path::new(&file).is_absolute().then_some(file)
+}
+
+fn header(name: &str) -> Option<String> {
+    let mut compiler = Command::new("cc")
+        .args(["-E", "-x", "c", "-", "-o", "/dev/null"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .ok()?;
+    let source = format!("#include <{name}>\n");
+    std::io::Write::write_all(&mut compiler.stdin.take()?, source.as_bytes()).ok()?;
+    compiler.wait().ok()?.success().then(|| name.to_owned())
+}
+
+/// The library that bindgen loads, and the compiler's own headers without which it reads no source.
+fn libclang() -> Option<String> {
+    if let Some(set) = std::env::var_os("LIBCLANG_PATH") {
+        let path = PathBuf::from(set);
+        return path.exists().then(|| path.display().to_string());
+    }
+    let mut folders: Vec<PathBuf> = subfolders("/usr/lib", |name| name.starts_with("llvm"))
+        .map(|llvm| llvm.join("lib"))
+        .collect();
+    folders.extend(subfolders("/usr/lib", |name| name.contains("-linux-")));
+    folders.extend(
+        [
+            "/usr/lib64",
+            "/usr/lib",
+            "/usr/local/lib",
+            "/opt/homebrew/opt/llvm/lib",
+            "/usr/local/opt/llvm/lib",
+            "/Library/Developer/CommandLineTools/usr/lib",
+        ]
+        .map(PathBuf::from),
+    );
+    let headers = |folder: &Path| {
+        subfolders(folder.join("clang"), |_| true)
+            .any(|version| version.join("include/stddef.h").exists())
+    };
+    let found = folders.iter().find_map(|folder| library_in(folder))?;
+    folders
+        .iter()
+        .any(|folder| headers(folder))
+        .then(|| found.display().to_string())
+}
+
+fn library_in(folder: &Path) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(folder).ok()?;
+    entries.flatten().map(|entry| entry.path()).find(|path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        (name.starts_with("libclang.so") || name.starts_with("libclang-") && name.contains(".so"))
+            || name == "libclang.dylib"
+    })
+}
+
+fn subfolders(folder: impl AsRef<Path>, wanted: fn(&str) -> bool) -> impl Iterator<Item = PathBuf> {
+    std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter(move |entry| wanted(&entry.file_name().to_string_lossy()))
+        .map(|entry| entry.path())
+}
+
+fn host_lints() -> Option<String> {
+    for tool in ["fmt", "clippy"] {
+        repo::output_of(repo::cargo().args([tool, "--version"]))?;
+    }
+    Some("the host's toolchain".to_owned())
+}

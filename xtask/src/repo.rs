@@ -1,0 +1,82 @@
+//! Where things stand in this repository, and how its cargo is called.
+
+use crate::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The root of the repository.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("xtask lies in the repository")
+}
+
+/// The host's cargo: the one that called us, else the first in PATH.
+pub fn cargo() -> Command {
+    Command::new(cargo_program())
+}
+
+/// What [`cargo`] calls.
+pub fn cargo_program() -> PathBuf {
+    std::env::var_os("CARGO").map_or_else(|| PathBuf::from("cargo"), PathBuf::from)
+}
+
+/// The host's cargo with `arguments`, to be run in the root of the repository.
+pub fn cargo_in_root(arguments: &[&str]) -> Command {
+    let mut command = cargo();
+    command.current_dir(root()).args(arguments);
+    command
+}
+
+/// Runs `command` to its end with our terminal.
+pub fn run(command: &mut Command) -> Result<(), Error> {
+    let program = command.get_program().to_string_lossy().into_owned();
+    let status = command
+        .status()
+        .map_err(|error| Error::io(&program, error))?;
+    if status.success() {
+        Ok(())
+    } else {
+        Err(Error::failed(format!(
+            "{} ended with {status}",
+            shown(command)
+        )))
+    }
+}
+
+/// What a quiet look-up printed, or nothing where the program is missing or refused.
+pub fn output_of(command: &mut Command) -> Option<String> {
+    let output = command.stdin(std::process::Stdio::null()).output().ok()?;
+    output
+        .status
+        .success()
+        .then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+/// A command as it would be typed.
+pub fn shown(command: &Command) -> String {
+    let program = Path::new(command.get_program());
+    let mut text = program
+        .file_name()
+        .unwrap_or(command.get_program())
+        .to_string_lossy()
+        .into_owned();
+    for argument in command.get_args() {
+        text.push(' ');
+        text.push_str(&argument.to_string_lossy());
+    }
+    text
+}
+
+/// The first `name` that PATH leads to.
+pub fn in_path(name: &str) -> Option<PathBuf> {
+    std::env::split_paths(&std::env::var_os("PATH")?)
+        .map(|folder| folder.join(name))
+        .find(|candidate| is_program(candidate))
+}
+
+fn is_program(path: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    path.metadata()
+        .is_ok_and(|meta| meta.is_file() && meta.permissions().mode() & 0o111 != 0)
+}

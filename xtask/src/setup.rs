@@ -1,0 +1,249 @@
+//! `setup`: installs what is missing, says which way it took, and names what is left to do by hand.
+
+use crate::error::Error;
+use crate::needs::{ALL, COMPILER_PACKAGES, Need, Purpose};
+use crate::repo;
+use crate::toolchain::{LINKED, RELEASE, SYSTEM_PREFIX, Toolchain};
+use crate::{python, toolchain};
+use std::process::Command;
+
+/// `setup --check`: what is there and what is missing; changes nothing.
+///
+/// # Errors
+/// Exit code 1 when something is missing.
+pub fn report() -> Result<(), Error> {
+    if list(&[]) {
+        return Ok(());
+    }
+    println!("`cargo xtask setup` installs what it can");
+    Err(Error::silent(1))
+}
+
+/// Prints everything that is needed, and whether it is there, after `added` was to be installed.
+/// Tells whether all of it is.
+fn list(added: &[&Need]) -> bool {
+    let mut complete = true;
+    for need in ALL {
+        let was_added = added.iter().any(|one| one.name == need.name);
+        match (need.found)() {
+            Some(place) if was_added => println!("installed  {:<22}{place}", need.name),
+            Some(place) => println!("ok         {:<22}{place}", need.name),
+            None => {
+                println!("missing    {}", need.how());
+                complete = false;
+            }
+        }
+    }
+    complete
+}
+
+/// `setup`: installs what is missing.
+///
+/// # Errors
+/// Exit code 1, with what could not be installed and how to do it by hand.
+pub fn install() -> Result<(), Error> {
+    let missing = missing(|_| true);
+    if missing.is_empty() {
+        println!("everything is there already:");
+        list(&[]);
+        return Ok(());
+    }
+    for need in &missing {
+        println!("missing: {}", need.name);
+    }
+    let is_missing = |name: &str| missing.iter().any(|need| need.name == name);
+
+    if is_missing("firmware compiler") {
+        install_compiler();
+    }
+    if is_missing("firmware clippy") {
+        install_firmware_clippy();
+    }
+    if is_missing("rustfmt and clippy") {
+        rustup(&["component", "add", "rustfmt", "clippy"]);
+    }
+    let packages: Vec<_> = missing
+        .iter()
+        .flat_map(|need| need.debian)
+        .copied()
+        .collect();
+    apt_install(&packages);
+    if is_missing("Python with pymodbus") {
+        install_python();
+    }
+
+    println!();
+    if list(&missing) {
+        Ok(())
+    } else {
+        Err(Error::failed("what is missing has to be installed by hand"))
+    }
+}
+
+/// What `purposes` need and the machine lacks, as an error; nothing is installed.
+///
+/// # Errors
+/// [`Error::usage`], naming each with its packages.
+pub fn require(purposes: &[Purpose]) -> Result<(), Error> {
+    let missing = missing(|need| purposes.contains(&need.purpose));
+    if missing.is_empty() {
+        return Ok(());
+    }
+    Err(Error::usage(format!(
+        "{}\n`cargo xtask setup` installs what it can",
+        left_over(&missing)
+    )))
+}
+
+/// Sets up, and goes on when all that `purposes` need is there, whatever else could not be had.
+///
+/// # Errors
+/// As [`require`].
+pub fn prepare(purposes: &[Purpose]) -> Result<(), Error> {
+    if missing(|_| true).is_empty() {
+        return Ok(());
+    }
+    match install() {
+        Ok(()) => Ok(()),
+        Err(_) => require(purposes),
+    }
+}
+
+fn missing(wanted: impl Fn(&Need) -> bool) -> Vec<&'static Need> {
+    ALL.iter()
+        .filter(|need| wanted(need) && (need.found)().is_none())
+        .collect()
+}
+
+fn left_over(missing: &[&Need]) -> String {
+    let mut text = "not installed:".to_owned();
+    for need in missing {
+        text.push_str("\n  ");
+        text.push_str(&need.how());
+    }
+    text
+}
+
+fn install_compiler() {
+    if repo::in_path("rustup").is_some() {
+        println!("firmware compiler: trying rustup's {RELEASE}");
+        let components = ["-c", "rust-src", "-c", "clippy"];
+        let install = [
+            &["toolchain", "install", RELEASE, "--profile", "minimal"],
+            &components[..],
+        ]
+        .concat();
+        if rustup(&install) && Toolchain::find().is_some() {
+            println!("firmware compiler: installed by rustup");
+            return;
+        }
+        println!("firmware compiler: rustup cannot get it; trying the distribution's packages");
+    }
+    if !Toolchain::system_is_complete() && !apt_install(COMPILER_PACKAGES) {
+        return;
+    }
+    if !Toolchain::system_is_complete() {
+        println!("firmware compiler: the distribution's packages are of another release");
+        return;
+    }
+    if repo::in_path("rustup").is_some() {
+        rustup(&["toolchain", "link", LINKED, SYSTEM_PREFIX]);
+    }
+    println!("firmware compiler: installed from the distribution's packages");
+}
+
+fn install_firmware_clippy() {
+    let Some(found) = Toolchain::find() else {
+        return;
+    };
+    if found.has_clippy() {
+        return;
+    }
+    match found.rustup_name() {
+        Some(name) => rustup(&["component", "add", "clippy", "--toolchain", name]),
+        None => apt_install(&["rust-web-clippy"]),
+    };
+}
+
+fn install_python() {
+    if let Err(first) = python::install() {
+        println!("Python: {}", first.message());
+        // The module that makes environments is a package of its own on Debian.
+        if apt_install(&["python3", "python3-venv"])
+            && let Err(second) = python::install()
+        {
+            println!("Python: {}", second.message());
+        }
+    }
+}
+
+fn rustup(arguments: &[&str]) -> bool {
+    if repo::in_path("rustup").is_none() {
+        return false;
+    }
+    println!("> rustup {}", arguments.join(" "));
+    let mut command = Command::new("rustup");
+    command.args(arguments);
+    repo::run(&mut command).is_ok()
+}
+
+/// Installs Debian packages: all at once, and one by one where that fails, so that a single package
+/// that a release lacks does not keep the others away.
+fn apt_install(packages: &[&str]) -> bool {
+    if packages.is_empty() {
+        return true;
+    }
+    if repo::in_path("apt-get").is_none() {
+        println!("no apt-get on this system: install by hand what stands below");
+        return false;
+    }
+    let Some(root) = becoming_root() else {
+        println!(
+            "not root, and no sudo: as root, run apt-get install {}",
+            packages.join(" ")
+        );
+        return false;
+    };
+    let apt = |arguments: &[&str]| {
+        let mut line = root.clone();
+        line.extend(["env", "DEBIAN_FRONTEND=noninteractive", "apt-get"]);
+        line.extend([
+            "-y",
+            "-o",
+            "DPkg::Lock::Timeout=120",
+            "-o",
+            "Dpkg::Use-Pty=0",
+        ]);
+        line.extend(arguments);
+        println!("> {}", line.join(" "));
+        repo::run(Command::new(line[0]).args(&line[1..])).is_ok()
+    };
+    // An outdated list of packages may still do, so a failure shows at the installation.
+    apt(&["-qq", "update"]);
+    let install = ["-qq", "install", "--no-install-recommends"];
+    if apt(&[&install, packages].concat()) {
+        return true;
+    }
+    let mut all = packages.len() > 1;
+    for package in packages.iter().filter(|_| packages.len() > 1) {
+        all &= apt(&[&install[..], &[package]].concat());
+    }
+    all
+}
+
+fn becoming_root() -> Option<Vec<&'static str>> {
+    let id = repo::output_of(Command::new("id").arg("-u"))?;
+    if id == "0" {
+        Some(Vec::new())
+    } else {
+        repo::in_path("sudo").map(|_| vec!["sudo"])
+    }
+}
+
+/// The compiler that images are built with.
+///
+/// # Errors
+/// [`Error::usage`] when it is missing, though [`require`] should have said so before.
+pub fn firmware_compiler() -> Result<toolchain::Toolchain, Error> {
+    Toolchain::find().ok_or_else(|| Error::usage("the firmware compiler is not installed"))
+}

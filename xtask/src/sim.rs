@@ -1,0 +1,162 @@
+//! `sim`: builds the images of a scenario, then becomes the simulated bus.
+
+use crate::cli::SimRequest;
+use crate::error::Error;
+use crate::firmware::Builder;
+use crate::image::{App, Board, Image, Options, word};
+use crate::needs::Purpose;
+use crate::{repo, setup};
+use clap::ValueEnum;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// A bus that can be run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Scenario {
+    /// Three Nanos with the unit ids 1, 2, 3
+    DemoUnit,
+    /// One Nano
+    Registers,
+    /// A client and a server
+    #[value(hide = true)]
+    RelayPanel,
+    /// Every function on a Nano
+    #[value(hide = true)]
+    NanoConformance,
+    /// Every function on an STM32
+    #[value(hide = true)]
+    Stm32Conformance,
+    /// The sensor-node protocol
+    #[value(hide = true)]
+    SensorNodes,
+    /// An STM32 as master of three Nanos
+    #[value(hide = true)]
+    Mixed,
+}
+
+impl Scenario {
+    /// The images of the nodes, in the order of their places on the bus.
+    ///
+    /// # Errors
+    /// [`Error::usage`] for a scenario that is not in this version.
+    pub fn images(self) -> Result<Vec<Image>, Error> {
+        match self {
+            Self::DemoUnit => [1, 2, 3]
+                .into_iter()
+                .map(|unit| {
+                    let options = Options {
+                        unit: Some(unit),
+                        ..Options::default()
+                    };
+                    Image::new(Board::Nano, App::DemoUnit, options)
+                })
+                .collect(),
+            Self::Registers => Ok(vec![Image::new(
+                Board::Nano,
+                App::Registers,
+                Options::default(),
+            )?]),
+            later => Err(Error::usage(format!(
+                "the scenario {} is not in this version; the scenarios are: demo-unit, registers",
+                word(later)
+            ))),
+        }
+    }
+}
+
+/// Builds what is needed and becomes the simulated bus; comes back only if that fails. Being
+/// replaced, not waited for, the bus gets every signal itself and its exit code is ours.
+///
+/// # Errors
+/// [`Error::usage`] before anything is built, for a scenario, link or machine that will not do.
+pub fn run(request: &SimRequest) -> Result<(), Error> {
+    let images = request.scenario.images()?;
+    check_link(&request.link)?;
+    setup::require(&[Purpose::Firmware, Purpose::Simulator])?;
+    let paths = build_images(&images)?;
+
+    let mut bus = program("sim");
+    bus.arg(word(request.scenario));
+    for path in paths {
+        bus.arg("--image").arg(path);
+    }
+    bus.arg("--link").arg(&request.link);
+    if let Some(seconds) = request.seconds {
+        bus.arg("--seconds").arg(seconds.to_string());
+    }
+    if let Some(name) = &request.inject {
+        bus.arg("--inject").arg(name);
+    }
+    Err(become_program(bus))
+}
+
+/// Builds all of `images`.
+///
+/// # Errors
+/// As [`Builder::build`].
+pub fn build_images(images: &[Image]) -> Result<Vec<PathBuf>, Error> {
+    let builder = Builder::new()?;
+    images.iter().map(|image| builder.build(image)).collect()
+}
+
+/// A program of the tests crate, built when it is run. cargo keeps the caller's folder, so that
+/// relative paths mean what the user meant.
+pub fn program(name: &str) -> Command {
+    let mut command = repo::cargo();
+    command
+        .args(["run", "--quiet", "--release", "--manifest-path"])
+        .arg(repo::root().join("Cargo.toml"))
+        .args(["--package", "multidrop-bus", "--bin", name, "--"]);
+    command
+}
+
+/// Replaces this program by `command`; gives the reason when that cannot be done.
+pub fn become_program(mut command: Command) -> Error {
+    let error = command.exec();
+    Error::io(command.get_program().to_string_lossy(), error)
+}
+
+/// A link is only made in place of an older link: whatever else stands there is the user's.
+fn check_link(link: &Path) -> Result<(), Error> {
+    match link.symlink_metadata() {
+        Ok(meta) if !meta.is_symlink() => Err(Error::usage(format!(
+            "--link {}: it exists and is not a link; choose another path or remove it",
+            link.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scenario_has_its_images_or_says_that_it_is_not_there_yet() {
+        let stems = |scenario: Scenario| -> Vec<_> {
+            let images = scenario.images().expect("in this version");
+            images.iter().map(Image::stem).collect()
+        };
+        assert_eq!(
+            stems(Scenario::DemoUnit),
+            [
+                "nano-demo-unit-unit1",
+                "nano-demo-unit-unit2",
+                "nano-demo-unit-unit3"
+            ]
+        );
+        assert_eq!(stems(Scenario::Registers), ["nano-registers"]);
+        let error = Scenario::Mixed.images().expect_err("not there yet");
+        assert_eq!(error.code(), 2);
+        assert!(error.message().contains("mixed is not in this version"));
+    }
+
+    #[test]
+    fn a_file_in_the_place_of_the_link_is_refused() {
+        let error = check_link(Path::new(env!("CARGO_MANIFEST_DIR"))).expect_err("a folder");
+        assert_eq!(error.code(), 2);
+        assert!(error.message().contains("is not a link"));
+        assert!(check_link(Path::new("no/such/link")).is_ok());
+    }
+}

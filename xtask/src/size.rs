@@ -1,0 +1,120 @@
+//! Flash and static RAM of an AVR image, from the sections of its ELF file.
+
+use crate::error::Error;
+use object::{Object, ObjectSection, SectionFlags, elf};
+use std::fmt;
+use std::path::Path;
+
+/// Flash of the ATmega328P less the 2 KB boot loader that most Nanos are sold with (DS40002061B
+/// table 27-7); the newer one leaves 1536 bytes more.
+const FLASH: u64 = 32 * 1024 - 2048;
+
+/// Flash that is left with the newer, 512-byte boot loader.
+const FLASH_NEW_BOOTLOADER: u64 = 32 * 1024 - 512;
+
+/// SRAM of the ATmega328P (DS40002061B section 8.3).
+const RAM: u64 = 2048;
+
+/// Where avr-gcc's linker puts data memory and, above it, EEPROM, fuses and the like.
+const DATA_SPACE: std::ops::Range<u64> = 0x80_0000..0x81_0000;
+
+/// Bytes that an image takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Size {
+    /// Code, and the initial values of data.
+    pub flash: u64,
+    /// Data with and without initial value; the stack has what is left.
+    pub ram: u64,
+}
+
+/// Reads the sizes of the image in `path`.
+///
+/// # Errors
+/// [`Error::failed`] when it is no ELF file.
+pub fn of(path: &Path) -> Result<Size, Error> {
+    let bytes = std::fs::read(path).map_err(|error| Error::io(path.display(), error))?;
+    let file = object::File::parse(&*bytes)
+        .map_err(|error| Error::failed(format!("{}: {error}", path.display())))?;
+    let mut size = Size::default();
+    for section in file.sections() {
+        let SectionFlags::Elf { sh_flags } = section.flags() else {
+            continue;
+        };
+        if sh_flags & u64::from(elf::SHF_ALLOC) != 0 {
+            let in_file = section.file_range().is_some();
+            size.add(section.address(), section.size(), in_file);
+        }
+    }
+    Ok(size)
+}
+
+impl Size {
+    fn add(&mut self, address: u64, bytes: u64, in_file: bool) {
+        let in_data = DATA_SPACE.contains(&address);
+        if in_data {
+            self.ram += bytes;
+        }
+        if in_file && address < DATA_SPACE.end {
+            self.flash += bytes;
+        }
+    }
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { flash, ram } = *self;
+        writeln!(
+            f,
+            "flash: {flash} bytes used, {} free of {FLASH} beside the 2 KB boot loader ({} free of \
+             {FLASH_NEW_BOOTLOADER} beside the 512-byte one)",
+            left(FLASH, flash),
+            left(FLASH_NEW_BOOTLOADER, flash),
+        )?;
+        writeln!(
+            f,
+            "static RAM: {ram} bytes used, {} free of {RAM} for the stack",
+            left(RAM, ram)
+        )
+    }
+}
+
+/// Negative when the image is too big: the message then says by how much.
+fn left(all: u64, used: u64) -> i64 {
+    all as i64 - used as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn data_counts_twice_bss_in_ram_and_eeprom_nowhere() {
+        let mut size = Size::default();
+        size.add(0, 4000, true);
+        size.add(0x80_0100, 10, true);
+        size.add(0x80_010A, 300, false);
+        size.add(0x81_0000, 64, true);
+        assert_eq!(
+            size,
+            Size {
+                flash: 4010,
+                ram: 310
+            }
+        );
+    }
+
+    #[test]
+    fn what_is_free_is_printed_for_both_boot_loaders() {
+        let text = Size {
+            flash: 30_820,
+            ram: 500,
+        }
+        .to_string();
+        assert!(
+            text.contains("30820 bytes used, -100 free of 30720"),
+            "{text}"
+        );
+        assert!(text.contains("1436 free of 32256"), "{text}");
+        assert!(text.contains("500 bytes used, 1548 free of 2048"), "{text}");
+    }
+}

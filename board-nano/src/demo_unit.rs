@@ -67,7 +67,11 @@ impl DataModel for DemoUnit {
         self.coils(first, out)
     }
 
-    fn holding_registers(&mut self, first: u16, mut out: RegistersOut<'_>) -> Result<(), Exception> {
+    fn holding_registers(
+        &mut self,
+        first: u16,
+        mut out: RegistersOut<'_>,
+    ) -> Result<(), Exception> {
         within(first, out.len() as u16, 1)?;
         out.set(0, self.outputs);
         Ok(())
@@ -88,7 +92,11 @@ impl DataModel for DemoUnit {
     fn write_coils(&mut self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
         for (bit, on) in (first..).zip(values.iter()) {
             let mask = 1 << bit;
-            self.outputs = if on { self.outputs | mask } else { self.outputs & !mask };
+            self.outputs = if on {
+                self.outputs | mask
+            } else {
+                self.outputs & !mask
+            };
         }
         self.show();
         Ok(())

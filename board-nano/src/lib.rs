@@ -32,12 +32,16 @@ pub type Rs485 = Usart0<De, CLOCK_HZ>;
 pub const fn settings(port: &PortConfig) -> Settings {
     match Settings::new(&port.line(), CLOCK_HZ) {
         Ok(settings) => settings,
-        Err(LineError::Baud { .. }) => {
-            port.wrong("baud", port.line().baud, "16 MHz does not make it within 2.5 %")
-        }
-        Err(LineError::Format(format)) => {
-            port.wrong("format: data bits", format.data_bits() as u32, "the USART does not have it")
-        }
+        Err(LineError::Baud { .. }) => port.wrong(
+            "baud",
+            port.line().baud,
+            "16 MHz does not make it within 2.5 %",
+        ),
+        Err(LineError::Format(format)) => port.wrong(
+            "format: data bits",
+            format.data_bits() as u32,
+            "the USART does not have it",
+        ),
     }
 }
 

@@ -11,7 +11,10 @@ pub const fn unit(default: u32) -> u32 {
 /// `MULTIDROP_COUNT`, or `default`: 1..=128 items in each table.
 pub const fn count(default: usize) -> usize {
     let count = number(option_env!("MULTIDROP_COUNT"), default as u32);
-    assert!(count >= 1 && count <= 128, "MULTIDROP_COUNT must be 1..=128");
+    assert!(
+        count >= 1 && count <= 128,
+        "MULTIDROP_COUNT must be 1..=128"
+    );
     count as usize
 }
 

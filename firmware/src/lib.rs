@@ -14,6 +14,7 @@ pub mod line;
 pub mod port;
 pub mod receive;
 pub mod serve;
+pub mod shared;
 
 mod message;
 
@@ -22,3 +23,4 @@ pub use multidrop_protocol as protocol;
 pub use port::{Port, PortConfig};
 pub use receive::receive;
 pub use serve::serve;
+pub use shared::Shared;

@@ -11,7 +11,10 @@ pub(crate) struct Message {
 
 impl Message {
     pub(crate) const fn new() -> Self {
-        Self { text: [0; CAPACITY], len: 0 }
+        Self {
+            text: [0; CAPACITY],
+            len: 0,
+        }
     }
 
     pub(crate) const fn text(mut self, text: &str) -> Self {
@@ -63,7 +66,11 @@ mod tests {
 
     #[test]
     fn text_and_numbers_stand_in_order() {
-        let message = Message::new().text("baud is ").number(0).text("/").number(4_294_967_295);
+        let message = Message::new()
+            .text("baud is ")
+            .number(0)
+            .text("/")
+            .number(4_294_967_295);
         assert_eq!(message.as_str(), "baud is 0/4294967295");
     }
 

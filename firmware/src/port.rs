@@ -73,7 +73,11 @@ impl PortConfig {
     /// At compile time, with port and value, for a format of 7 data bits.
     pub const fn format(mut self, format: LineFormat) -> Self {
         if format.data_bits() != 8 {
-            self.wrong("format: data bits", format.data_bits() as u32, "must be 8 for RTU");
+            self.wrong(
+                "format: data bits",
+                format.data_bits() as u32,
+                "must be 8 for RTU",
+            );
         }
         self.line.format = format;
         self
@@ -127,6 +131,10 @@ pub struct Port<L: Line + 'static> {
 impl<L: Line + 'static> Port<L> {
     /// A port on `line`, which the board has set up from the same `config`.
     pub const fn new(line: L, config: &PortConfig) -> Self {
-        Self { line, unit: config.unit(), requests: Channel::new() }
+        Self {
+            line,
+            unit: config.unit(),
+            requests: Channel::new(),
+        }
     }
 }

@@ -1,28 +1,27 @@
 //! The serve task: works out answers while a frame is provisional, carries out writes when it stands.
 
-use core::cell::RefCell;
-
 use multidrop_protocol::server::{DataModel, Plan, Server};
 
 use crate::line::Line;
 use crate::port::Port;
+use crate::shared::Shared;
 
 /// Runs for ever: answers the requests that [`receive`](crate::receive()) passes on.
 ///
-/// The model is borrowed only between two awaits, so a block read or write is atomic towards every
-/// other task of the executor. An application must not hold a borrow of its own across an await.
+/// The model is used only between two awaits, so a block read or write is atomic towards every other
+/// task of the executor.
 ///
 /// # Cancellation
 /// Safe at any await: the request is given up, an answer under way ends with the character in flight.
 pub async fn serve<L: Line, M: DataModel>(
     port: &'static Port<L>,
     server: &Server<M>,
-    model: &RefCell<M>,
+    model: &Shared<M>,
 ) -> ! {
     loop {
         let mut frame = port.requests.receive().await;
         let len = frame.request_len();
-        let plan = server.prepare(&mut model.borrow_mut(), frame.adu(), len);
+        let plan = model.with(|model| server.prepare(model, frame.adu(), len));
         match plan {
             Plan::Ignore => continue,
             Plan::Answer { len } => frame.release(len),
@@ -32,14 +31,14 @@ pub async fn serve<L: Line, M: DataModel>(
                 }
                 if frame.settle().await {
                     // The answer may be on its way from the same buffer, which is only read here.
-                    let _ = server.write(&mut model.borrow_mut(), frame.bytes());
+                    let _ = model.with(|model| server.write(model, frame.bytes()));
                 }
             }
             Plan::Write { .. } | Plan::Call => {
                 if !frame.settle().await {
                     continue;
                 }
-                let answer = server.commit(&mut model.borrow_mut(), frame.adu(), len, plan);
+                let answer = model.with(|model| server.commit(model, frame.adu(), len, plan));
                 if answer > 0 {
                     frame.release(answer);
                 }

@@ -46,7 +46,11 @@ pub struct Output<P: Pin>(P);
 impl<P: Pin> Output<P> {
     /// Takes the pin and drives it low, or high: without a glitch in between (DS 14.2.3).
     pub fn new(pin: P, high: bool) -> Self {
-        if high { set(P::PIN + 2, P::MASK) } else { clear(P::PIN + 2, P::MASK) }
+        if high {
+            set(P::PIN + 2, P::MASK)
+        } else {
+            clear(P::PIN + 2, P::MASK)
+        }
         set(P::PIN + 1, P::MASK);
         Self(pin)
     }
@@ -113,7 +117,11 @@ impl<P: Pin> Input<P> {
     /// Takes the pin as input, floating or with its pull-up (20 to 50 kOhm, DS 28.2).
     pub fn new(pin: P, pull_up: bool) -> Self {
         clear(P::PIN + 1, P::MASK);
-        if pull_up { set(P::PIN + 2, P::MASK) } else { clear(P::PIN + 2, P::MASK) }
+        if pull_up {
+            set(P::PIN + 2, P::MASK)
+        } else {
+            clear(P::PIN + 2, P::MASK)
+        }
         Self(pin)
     }
 

@@ -121,12 +121,18 @@ impl<const CLOCK_HZ: u32> TimeDriver<CLOCK_HZ> {
                 }
             }
             timer1::disable(OCF1A);
-            let Some(turns) = soonest.checked_mul(Self::DENOMINATOR) else { return };
+            let Some(turns) = soonest.checked_mul(Self::DENOMINATOR) else {
+                return;
+            };
             // Never early: rounded up, and the count is a little old already.
-            let Ok(ticks) = u16::try_from(turns.div_ceil(Self::NUMERATOR)) else { return };
+            let Ok(ticks) = u16::try_from(turns.div_ceil(Self::NUMERATOR)) else {
+                return;
+            };
             let ticks = ticks.max(NEAR);
             // SAFETY: any value is a valid compare value.
-            timer1::registers().ocr1a().write(|w| unsafe { w.bits(count.wrapping_add(ticks)) });
+            timer1::registers()
+                .ocr1a()
+                .write(|w| unsafe { w.bits(count.wrapping_add(ticks)) });
             timer1::clear(OCF1A);
             timer1::enable(OCF1A);
             if timer1::now().wrapping_sub(count) < ticks {
@@ -155,7 +161,9 @@ impl<const CLOCK_HZ: u32> Driver for TimeDriver<CLOCK_HZ> {
             let (since, _) = self.since_turn(cs);
             let left = at.saturating_sub(self.base.borrow(cs).get() + u64::from(since));
             let left = u32::try_from(left).unwrap_or(HORIZON).min(HORIZON);
-            let at = (self.base.borrow(cs).get() as u32).wrapping_add(since).wrapping_add(left);
+            let at = (self.base.borrow(cs).get() as u32)
+                .wrapping_add(since)
+                .wrapping_add(left);
             {
                 let mut alarms = self.alarms.borrow(cs).borrow_mut();
                 let own = |slot: &&mut Option<Alarm>| matches!(slot, Some(alarm) if alarm.waker.will_wake(waker));
@@ -175,7 +183,10 @@ impl<const CLOCK_HZ: u32> Driver for TimeDriver<CLOCK_HZ> {
                         None => return waker.wake_by_ref(),
                     },
                 };
-                *slot = Some(Alarm { at, waker: waker.clone() });
+                *slot = Some(Alarm {
+                    at,
+                    waker: waker.clone(),
+                });
             }
             self.serve_alarms(cs);
         });

@@ -42,12 +42,16 @@ pub(crate) fn clear(flags: u8) {
 #[inline(always)]
 pub(crate) fn enable(interrupts: u8) {
     // SAFETY: only interrupt enable bits of Timer1 are in this register.
-    registers().timsk1().modify(|r, w| unsafe { w.bits(r.bits() | interrupts) });
+    registers()
+        .timsk1()
+        .modify(|r, w| unsafe { w.bits(r.bits() | interrupts) });
 }
 
 /// Disables interrupts of Timer1. Interrupts must be off: TIMSK1 is shared.
 #[inline(always)]
 pub(crate) fn disable(interrupts: u8) {
     // SAFETY: as in `enable`.
-    registers().timsk1().modify(|r, w| unsafe { w.bits(r.bits() & !interrupts) });
+    registers()
+        .timsk1()
+        .modify(|r, w| unsafe { w.bits(r.bits() & !interrupts) });
 }

@@ -3,14 +3,12 @@
 #![no_main]
 #![feature(abi_avr_interrupt)]
 
-use core::cell::RefCell;
-
 use board_nano::demo_unit::DemoUnit;
 use board_nano::{Rs485, options, settings};
 use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::protocol::server::{Functions, Server};
-use multidrop_firmware::{Port, PortConfig};
+use multidrop_firmware::{Port, PortConfig, Shared};
 use static_cell::StaticCell;
 
 // Everything there is to set. A value that cannot work does not compile.
@@ -31,15 +29,22 @@ async fn receive(port: &'static Port<Rs485>) -> ! {
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Rs485>) -> ! {
     let server = Server::new(PORT.unit(), Functions::standard());
-    let unit = RefCell::new(DemoUnit::new());
+    let unit = Shared::new(DemoUnit::new());
     multidrop_firmware::serve(port, &server, &unit).await
 }
 
 #[avr_device::entry]
 fn main() -> ! {
-    let Some(chip) = pac::Peripherals::take() else { loop {} };
+    let chip = pac::Peripherals::take().unwrap();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    let line = Rs485::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, const { settings(&PORT) });
+    let line = Rs485::new(
+        chip.USART0,
+        &chip.TC1,
+        pins.PD0,
+        pins.PD1,
+        pins.PD2,
+        const { settings(&PORT) },
+    );
 
     static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line, &PORT));

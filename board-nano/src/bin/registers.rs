@@ -3,8 +3,6 @@
 #![no_main]
 #![feature(abi_avr_interrupt)]
 
-use core::cell::RefCell;
-
 use board_nano::{Rs485, options, settings};
 use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
 use multidrop_firmware::protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
@@ -12,7 +10,7 @@ use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::protocol::registers::{Bank, CoilBank};
 use multidrop_firmware::protocol::server::{DataModel, Functions, Server};
-use multidrop_firmware::{Port, PortConfig};
+use multidrop_firmware::{Port, PortConfig, Shared};
 use static_cell::StaticCell;
 
 /// Items in each table.
@@ -89,7 +87,7 @@ async fn receive(port: &'static Port<Rs485>) -> ! {
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Rs485>) -> ! {
     let server = Server::new(PORT.unit(), Functions::standard());
-    let model = RefCell::new(Model {
+    let model = Shared::new(Model {
         registers: Bank::new(0),
         coils: CoilBank::new(0, COUNT as u16),
     });
@@ -98,9 +96,16 @@ async fn serve(port: &'static Port<Rs485>) -> ! {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let Some(chip) = pac::Peripherals::take() else { loop {} };
+    let chip = pac::Peripherals::take().unwrap();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    let line = Rs485::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, const { settings(&PORT) });
+    let line = Rs485::new(
+        chip.USART0,
+        &chip.TC1,
+        pins.PD0,
+        pins.PD1,
+        pins.PD2,
+        const { settings(&PORT) },
+    );
 
     static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line, &PORT));

@@ -208,7 +208,9 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
     fn sent(&self) -> impl Future<Output = ()> {
         poll_fn(|context| {
             with(|state| {
-                if state.phase == Phase::Sending || state.released > 0 && state.verdict == Verdict::Pending {
+                if state.phase == Phase::Sending
+                    || state.released > 0 && state.verdict == Verdict::Pending
+                {
                     state.user.register(context.waker());
                     Poll::Pending
                 } else {

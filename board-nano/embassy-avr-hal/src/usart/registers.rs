@@ -108,7 +108,9 @@ pub(super) fn send(settings: &Settings) {
 #[inline(always)]
 pub(super) fn clear_sent(settings: &Settings) {
     // SAFETY: TXC is cleared by writing a one; U2X keeps its value.
-    Usart::block().ucsr0a().write(|w| unsafe { w.bits(TXC | settings.ucsra) });
+    Usart::block()
+        .ucsr0a()
+        .write(|w| unsafe { w.bits(TXC | settings.ucsra) });
 }
 
 /// The last byte is in the USART: UDRE would interrupt for ever.

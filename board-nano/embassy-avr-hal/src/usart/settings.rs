@@ -41,7 +41,11 @@ impl Settings {
         let (baud, format) = (config.baud, config.format);
         let divisor = match divisor(clock_hz, baud) {
             Ok(divisor) => divisor,
-            Err(error) => return Err(LineError::Baud { nearest: error.nearest }),
+            Err(error) => {
+                return Err(LineError::Baud {
+                    nearest: error.nearest,
+                });
+            }
         };
         let rest_of_stop = {
             let half_bits = 2 * format.stop_bits() as u32 - 1;

@@ -321,11 +321,19 @@ impl State {
 #[inline(always)]
 fn set_compare(tick: u16) {
     // SAFETY: any value is a valid compare value.
-    timer1::registers().ocr1b().write(|w| unsafe { w.bits(tick) });
+    timer1::registers()
+        .ocr1b()
+        .write(|w| unsafe { w.bits(tick) });
 }
 
 /// Moves OCR1B on from where it matched: the intervals of one silence add up without drift.
 #[inline(always)]
 fn advance_compare(ticks: u16) {
-    set_compare(timer1::registers().ocr1b().read().bits().wrapping_add(ticks));
+    set_compare(
+        timer1::registers()
+            .ocr1b()
+            .read()
+            .bits()
+            .wrapping_add(ticks),
+    );
 }

@@ -1,0 +1,272 @@
+//! The receive and the serve task on the host, over a line whose every moment the test decides.
+//!
+//! Requests and answers are bytes of the standard and of spec examples, not made by our own codec.
+
+use std::cell::{Cell, RefCell};
+use std::future::{Future, poll_fn};
+use std::pin::Pin;
+use std::task::{Context, Poll, Waker};
+
+use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
+use multidrop_firmware::protocol::data::{Registers, RegistersOut};
+use multidrop_firmware::protocol::exception::Exception;
+use multidrop_firmware::protocol::registers::Bank;
+use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop_firmware::protocol::server::{ApplicationFunction, DataModel, Functions, Server};
+use multidrop_firmware::{Port, PortConfig, Shared};
+
+#[derive(Default)]
+struct Wire {
+    heard: RefCell<Option<Result<Vec<u8>, Flaws>>>,
+    lent: Cell<bool>,
+    verdict: Cell<Option<bool>>,
+    released: Cell<u8>,
+    /// What went on the wire, and only once the frame stood.
+    sent: RefCell<Vec<Vec<u8>>>,
+    lent_adu: Cell<*mut Adu>,
+}
+
+/// A line without a chip. Its wire is leaked: it lives as long as the test.
+struct TestLine(&'static Wire);
+
+impl Line for TestLine {
+    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
+        poll_fn(|_| match self.0.heard.borrow_mut().take() {
+            None => Poll::Pending,
+            Some(Err(flaws)) => Poll::Ready(Err(flaws)),
+            Some(Ok(bytes)) => {
+                assert!(!self.0.lent.replace(true), "lent twice");
+                let adu = Box::leak(Box::new([0; 256]));
+                adu[..bytes.len()].copy_from_slice(&bytes);
+                self.0.lent_adu.set(adu);
+                Poll::Ready(Ok(Frame::new(self, adu, bytes.len() as u8)))
+            }
+        })
+    }
+
+    async fn transmit(&self, _: &[u8]) {}
+
+    async fn configure(&self, _: LineConfig) -> Result<(), LineError> {
+        Ok(())
+    }
+
+    fn release(&self, len: u8) {
+        self.0.released.set(len);
+        self.0.go();
+    }
+
+    fn settle(&self) -> impl Future<Output = bool> {
+        poll_fn(|_| self.0.verdict.get().map_or(Poll::Pending, Poll::Ready))
+    }
+
+    fn get(&self, address: u16) -> Option<u16> {
+        self.model.with(|model| model.bank.get(address))
+    }
+
+    fn sent(&self) -> impl Future<Output = ()> {
+        poll_fn(|_| match (self.0.released.get(), self.0.verdict.get()) {
+            (1.., None) => Poll::Pending,
+            _ => Poll::Ready(()),
+        })
+    }
+
+    fn give_back(&self) {
+        self.0.lent.set(false);
+        self.0.released.set(0);
+        self.0.verdict.set(None);
+    }
+}
+
+impl Wire {
+    /// The transmitter: starts when the frame stands and an answer is released.
+    fn go(&self) {
+        if self.verdict.get() == Some(true) && self.released.get() > 0 {
+            // SAFETY: the frame is lent, so its buffer is alive; the tasks are not running.
+            let adu = unsafe { &*self.lent_adu.get() };
+            self.sent
+                .borrow_mut()
+                .push(adu[..self.released.take() as usize].to_vec());
+        }
+    }
+}
+
+struct Model {
+    bank: Bank<4>,
+}
+
+impl DataModel for Model {
+    const WRITES_MAY_FAIL: bool = false;
+
+    fn holding_registers(&mut self, first: u16, out: RegistersOut<'_>) -> Result<(), Exception> {
+        self.bank.read(first, out)
+    }
+
+    fn check_registers(&self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
+        self.bank.check(first, values)
+    }
+
+    fn write_registers(&mut self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
+        self.bank.write(first, values)
+    }
+}
+
+fn reverse(model: &mut Model, pdu: &mut [u8], len: usize) -> Result<usize, Exception> {
+    model.bank.set(3, 0xCAFE);
+    pdu[1..len].reverse();
+    Ok(len)
+}
+
+struct Bench {
+    wire: &'static Wire,
+    model: &'static Shared<Model>,
+    tasks: Vec<Pin<Box<dyn Future<Output = ()>>>>,
+}
+
+impl Bench {
+    fn new() -> Self {
+        static TABLE: [ApplicationFunction<Model>; 1] = [ApplicationFunction {
+            code: 0x41,
+            broadcast: false,
+            run: reverse,
+        }];
+        const PORT: PortConfig = PortConfig::new("TEST").slave_id(17);
+        let wire: &'static Wire = Box::leak(Box::default());
+        let port: &'static Port<TestLine> = Box::leak(Box::new(Port::new(TestLine(wire), &PORT)));
+        let model: &'static Shared<Model> =
+            Box::leak(Box::new(Shared::new(Model { bank: Bank::new(0) })));
+        let server: &'static Server<Model> = Box::leak(Box::new(Server::new(
+            PORT.unit(),
+            Functions::standard().with_table(&TABLE),
+        )));
+        Self {
+            wire,
+            model,
+            tasks: vec![
+                Box::pin(async move { multidrop_firmware::receive(port).await }),
+                Box::pin(async move { multidrop_firmware::serve(port, server, model).await }),
+            ],
+        }
+    }
+
+    fn run(&mut self) {
+        let mut context = Context::from_waker(Waker::noop());
+        for _ in 0..4 {
+            for task in &mut self.tasks {
+                assert!(task.as_mut().poll(&mut context).is_pending());
+            }
+        }
+    }
+
+    /// A frame is complete at t1.5.
+    fn complete(&mut self, bytes: &[u8]) {
+        *self.wire.heard.borrow_mut() = Some(Ok(bytes.to_vec()));
+        self.run();
+    }
+
+    /// t3.5, or a late character.
+    fn settle(&mut self, stands: bool) {
+        self.wire.verdict.set(Some(stands));
+        self.wire.go();
+        self.run();
+    }
+
+    fn get(&self, address: u16) -> Option<u16> {
+        self.model.with(|model| model.bank.get(address))
+    }
+
+    fn sent(&self) -> Vec<Vec<u8>> {
+        self.wire.sent.take()
+    }
+}
+
+#[test]
+fn a_read_is_released_before_t3_5_and_sent_at_t3_5() {
+    let mut bench = Bench::new();
+    bench.model.with(|model| model.bank.set(1, 0xAE41));
+    bench.complete(&[0x11, 0x03, 0x00, 0x01, 0x00, 0x01]);
+    assert_eq!(bench.wire.released.get(), 5);
+    assert!(bench.sent().is_empty());
+    bench.settle(true);
+    assert_eq!(bench.sent(), [[0x11, 0x03, 0x02, 0xAE, 0x41]]);
+    assert!(!bench.wire.lent.get());
+}
+
+#[test]
+fn a_write_is_carried_out_when_its_frame_stands_and_not_before() {
+    let mut bench = Bench::new();
+    bench.complete(&[0x11, 0x06, 0x00, 0x01, 0x00, 0x03]);
+    assert_eq!(bench.get(1), Some(0));
+    bench.settle(true);
+    assert_eq!(bench.get(1), Some(3));
+    assert_eq!(bench.sent(), [[0x11, 0x06, 0x00, 0x01, 0x00, 0x03]]);
+}
+
+#[test]
+fn a_void_frame_changes_nothing_and_is_not_answered() {
+    let mut bench = Bench::new();
+    bench.complete(&[
+        0x11, 0x10, 0x00, 0x01, 0x00, 0x02, 0x04, 0x00, 0x0A, 0x01, 0x02,
+    ]);
+    bench.settle(false);
+    assert_eq!(bench.model.with(|model| *model.bank.cells()), [0; 4]);
+    assert!(bench.sent().is_empty());
+    assert!(!bench.wire.lent.get());
+    bench.complete(&[
+        0x11, 0x10, 0x00, 0x01, 0x00, 0x02, 0x04, 0x00, 0x0A, 0x01, 0x02,
+    ]);
+    bench.settle(true);
+    assert_eq!(
+        bench.model.with(|model| *model.bank.cells()),
+        [0, 10, 0x102, 0]
+    );
+    assert_eq!(bench.sent(), [[0x11, 0x10, 0x00, 0x01, 0x00, 0x02]]);
+}
+
+#[test]
+fn a_broadcast_is_carried_out_and_not_answered() {
+    let mut bench = Bench::new();
+    bench.complete(&[0x00, 0x06, 0x00, 0x02, 0x12, 0x34]);
+    bench.settle(true);
+    assert_eq!(bench.get(2), Some(0x1234));
+    assert!(bench.sent().is_empty());
+    assert!(!bench.wire.lent.get());
+}
+
+#[test]
+fn an_application_function_runs_when_its_frame_stands() {
+    let mut bench = Bench::new();
+    bench.complete(&[0x11, 0x41, 1, 2, 3]);
+    assert_eq!(bench.get(3), Some(0));
+    bench.settle(true);
+    assert_eq!(bench.get(3), Some(0xCAFE));
+    assert_eq!(bench.sent(), [[0x11, 0x41, 3, 2, 1]]);
+    bench.complete(&[0x11, 0x41, 1, 2]);
+    bench.settle(false);
+    assert!(bench.sent().is_empty());
+    assert!(!bench.wire.lent.get());
+}
+
+#[test]
+fn other_units_frames_and_damaged_ones_are_given_back_unanswered() {
+    let mut bench = Bench::new();
+    for unit in [1, 16, 18, 247, 248, 255] {
+        bench.complete(&[unit, 0x03, 0x00, 0x01, 0x00, 0x01]);
+        assert!(!bench.wire.lent.get(), "unit {unit}");
+        assert_eq!(bench.wire.released.get(), 0, "unit {unit}");
+    }
+    *bench.wire.heard.borrow_mut() = Some(Err(Flaws::CHECK));
+    bench.run();
+    bench.complete(&[0x11, 0x03, 0x00, 0x01, 0x00, 0x01]);
+    bench.settle(true);
+    assert_eq!(bench.sent().len(), 1);
+}
+
+#[test]
+fn a_dropped_task_gives_the_frame_back() {
+    let mut bench = Bench::new();
+    bench.complete(&[0x11, 0x03, 0x00, 0x01, 0x00, 0x01]);
+    assert!(bench.wire.lent.get());
+    bench.tasks.clear();
+    assert!(!bench.wire.lent.get());
+    assert_eq!(bench.wire.released.get(), 0);
+}

@@ -59,10 +59,6 @@ impl Line for TestLine {
         poll_fn(|_| self.0.verdict.get().map_or(Poll::Pending, Poll::Ready))
     }
 
-    fn get(&self, address: u16) -> Option<u16> {
-        self.model.with(|model| model.bank.get(address))
-    }
-
     fn sent(&self) -> impl Future<Output = ()> {
         poll_fn(|_| match (self.0.released.get(), self.0.verdict.get()) {
             (1.., None) => Poll::Pending,

@@ -1,7 +1,7 @@
 //! A port: its configuration, fixed and checked at compile time, and what its tasks share.
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
 use multidrop_protocol::format::LineFormat;
 
 use crate::line::{Frame, InterCharacter, Line, LineConfig};
@@ -125,7 +125,7 @@ impl PortConfig {
 pub struct Port<L: Line + 'static> {
     pub(crate) line: L,
     pub(crate) unit: u8,
-    pub(crate) requests: Channel<NoopRawMutex, Frame<'static, L>, 1>,
+    pub(crate) requests: Signal<NoopRawMutex, Frame<'static, L>>,
 }
 
 impl<L: Line + 'static> Port<L> {
@@ -134,7 +134,7 @@ impl<L: Line + 'static> Port<L> {
         Self {
             line,
             unit: config.unit(),
-            requests: Channel::new(),
+            requests: Signal::new(),
         }
     }
 }

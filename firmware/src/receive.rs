@@ -16,7 +16,7 @@ pub async fn receive<L: Line>(port: &'static Port<L>) -> ! {
         if let Ok(frame) = port.line.receive().await
             && (frame.unit() == port.unit || frame.unit() == BROADCAST)
         {
-            port.requests.send(frame).await;
+            port.requests.signal(frame);
         }
     }
 }

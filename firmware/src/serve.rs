@@ -19,7 +19,7 @@ pub async fn serve<L: Line, M: DataModel>(
     model: &Shared<M>,
 ) -> ! {
     loop {
-        let mut frame = port.requests.receive().await;
+        let mut frame = port.requests.wait().await;
         let len = frame.request_len();
         let plan = model.with(|model| server.prepare(model, frame.adu(), len));
         match plan {

@@ -18,7 +18,8 @@ mod state;
 use core::cell::UnsafeCell;
 use core::future::{Future, poll_fn};
 use core::marker::PhantomData;
-use core::task::Poll;
+use core::mem;
+use core::task::{Context, Poll};
 
 use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::rtu::Flaws;
@@ -107,21 +108,18 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
         unsafe { &mut *SHARED.0.get() }.on_sent::<DE>();
     }
 
-    /// Waits until the wire is silent and the buffer free, and takes the buffer.
-    fn take_buffer(&self) -> impl Future<Output = Frame<'_, Self>> {
-        poll_fn(move |context| {
-            with(|state| {
-                if state.phase == Phase::Silent && state.buffer == Buffer::Free {
-                    state.transmit_waits = false;
-                    state.buffer = Buffer::Lent;
-                    state.verdict = Verdict::Stands;
-                    Poll::Ready(self.lend(0))
-                } else {
-                    state.transmit_waits = true;
-                    state.user.register(context.waker());
-                    Poll::Pending
-                }
-            })
+    /// Takes the buffer once the wire is silent and the buffer free.
+    fn poll_buffer(&self, context: &Context) -> Poll<Frame<'_, Self>> {
+        with(|state| {
+            if state.phase == Phase::Silent && state.buffer == Buffer::Free {
+                state.transmit_waits = false;
+                state.buffer = Buffer::Lent;
+                state.verdict = Verdict::Stands;
+                return Poll::Ready(self.lend(0));
+            }
+            state.transmit_waits = true;
+            state.user.register(context.waker());
+            Poll::Pending
         })
     }
 
@@ -135,29 +133,80 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     }
 }
 
+// Not inlined: one copy of each serves every await of the tasks.
+#[inline(never)]
+fn poll_settle(context: &Context) -> Poll<bool> {
+    with(|state| match state.verdict {
+        Verdict::Pending => {
+            state.user.register(context.waker());
+            Poll::Pending
+        }
+        verdict => Poll::Ready(verdict == Verdict::Stands),
+    })
+}
+
+#[inline(never)]
+fn poll_sent(context: &Context) -> Poll<()> {
+    with(|state| {
+        let due = state.released > 0 && state.verdict == Verdict::Pending;
+        if state.phase == Phase::Sending || due {
+            state.user.register(context.waker());
+            Poll::Pending
+        } else {
+            Poll::Ready(())
+        }
+    })
+}
+
+#[inline(never)]
+fn give_back() {
+    with(|state| {
+        state.released = 0;
+        state.verdict = Verdict::None;
+        state.buffer = Buffer::Free;
+        if state.phase == Phase::Sending {
+            state.transmission = Default::default();
+        }
+    });
+}
+
+#[inline(never)]
+fn release<DE: DriverEnable>(len: u8) {
+    with(|state| match state.verdict {
+        Verdict::Pending => state.released = len,
+        Verdict::Stands if state.phase == Phase::Silent => {
+            state.released = len;
+            state.start::<DE>();
+        }
+        _ => {}
+    });
+}
+
+/// What [`Line::receive`] finds: the length of a frame, which is lent now, or flaws.
+#[inline(never)]
+fn poll_heard(context: &Context) -> Poll<Result<u8, Flaws>> {
+    with(|state| {
+        if state.buffer == Buffer::Full {
+            state.buffer = Buffer::Lent;
+            return Poll::Ready(Ok(state.len));
+        }
+        if !state.damaged.is_empty() {
+            return Poll::Ready(Err(mem::replace(&mut state.damaged, Flaws::NONE)));
+        }
+        state.receiver.register(context.waker());
+        Poll::Pending
+    })
+}
+
 impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
-    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
-        poll_fn(move |context| {
-            with(|state| {
-                if state.buffer == Buffer::Full {
-                    state.buffer = Buffer::Lent;
-                    return Poll::Ready(Ok(self.lend(state.len)));
-                }
-                if !state.damaged.is_empty() {
-                    let flaws = state.damaged;
-                    state.damaged = Flaws::NONE;
-                    return Poll::Ready(Err(flaws));
-                }
-                state.receiver.register(context.waker());
-                Poll::Pending
-            })
-        })
+    async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
+        poll_fn(|context| poll_heard(context)).await.map(|len| self.lend(len))
     }
 
     async fn transmit(&self, bytes: &[u8]) {
         let len = bytes.len().min(254);
         loop {
-            let mut frame = self.take_buffer().await;
+            let mut frame = poll_fn(|context| self.poll_buffer(context)).await;
             frame.adu()[..len].copy_from_slice(&bytes[..len]);
             frame.release(len as u8);
             // Not started if somebody began to talk meanwhile.
@@ -183,52 +232,19 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
     }
 
     fn release(&self, len: u8) {
-        with(|state| {
-            state.released = len;
-            match state.verdict {
-                Verdict::Pending => {}
-                Verdict::Stands if state.phase == Phase::Silent => state.start::<DE>(),
-                _ => state.released = 0,
-            }
-        });
+        release::<DE>(len);
     }
 
     fn settle(&self) -> impl Future<Output = bool> {
-        poll_fn(|context| {
-            with(|state| match state.verdict {
-                Verdict::Pending => {
-                    state.user.register(context.waker());
-                    Poll::Pending
-                }
-                verdict => Poll::Ready(verdict == Verdict::Stands),
-            })
-        })
+        poll_fn(|context| poll_settle(context))
     }
 
     fn sent(&self) -> impl Future<Output = ()> {
-        poll_fn(|context| {
-            with(|state| {
-                if state.phase == Phase::Sending
-                    || state.released > 0 && state.verdict == Verdict::Pending
-                {
-                    state.user.register(context.waker());
-                    Poll::Pending
-                } else {
-                    Poll::Ready(())
-                }
-            })
-        })
+        poll_fn(|context| poll_sent(context))
     }
 
     fn give_back(&self) {
-        with(|state| {
-            state.released = 0;
-            state.verdict = Verdict::None;
-            state.buffer = Buffer::Free;
-            if state.phase == Phase::Sending {
-                state.transmission = Default::default();
-            }
-        });
+        give_back();
     }
 }
 

@@ -200,7 +200,9 @@ fn poll_heard(context: &Context) -> Poll<Result<u8, Flaws>> {
 
 impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
     async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
-        poll_fn(|context| poll_heard(context)).await.map(|len| self.lend(len))
+        poll_fn(|context| poll_heard(context))
+            .await
+            .map(|len| self.lend(len))
     }
 
     async fn transmit(&self, bytes: &[u8]) {

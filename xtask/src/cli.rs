@@ -72,7 +72,7 @@ pub struct ImageOptions {
     /// Items in each table of registers, 1..=128 [default: 16]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=128))]
     count: Option<u8>,
-    /// Baud rate, within 2.5 % of what the clock can make [default: 38400]
+    /// Baud rate, 2400..=1000000, within 2.5 % of what the clock makes [default: 38400]
     #[arg(long, value_name = "N")]
     baud: Option<u32>,
     /// Character format: data bits, parity, stop bits [default: 8N1]

@@ -46,7 +46,7 @@ pub enum App {
     Ports,
 }
 
-/// Bits of a character.
+/// Bits of a character. Those of 7 data bits are known, so that their refusal can say why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 #[value(rename_all = "UPPER")]
 #[allow(
@@ -62,11 +62,11 @@ pub enum Format {
     Bits8Odd1,
     #[value(name = "8N2")]
     Bits8None2,
-    #[value(name = "7E1")]
+    #[value(name = "7E1", hide = true)]
     Bits7Even1,
-    #[value(name = "7O1")]
+    #[value(name = "7O1", hide = true)]
     Bits7Odd1,
-    #[value(name = "7N2")]
+    #[value(name = "7N2", hide = true)]
     Bits7None2,
 }
 
@@ -197,7 +197,17 @@ impl Image {
     }
 }
 
+/// The rates at which the line's timing is right on every board and at every clock.
+const BAUD_RANGE: std::ops::RangeInclusive<u32> = 2_400..=1_000_000;
+
 fn check_baud(board: Board, baud: u32) -> Result<(), Error> {
+    if !BAUD_RANGE.contains(&baud) {
+        return Err(Error::usage(format!(
+            "--baud {baud}: must be {}..={}",
+            BAUD_RANGE.start(),
+            BAUD_RANGE.end()
+        )));
+    }
     match baud::divisor(board.clock_hz(), baud) {
         Ok(_) => Ok(()),
         Err(refused) => Err(Error::usage(format!(
@@ -297,7 +307,11 @@ mod tests {
             text.contains("--baud 921600") && text.ends_with("1000000"),
             "{text}"
         );
-        refusal(with(0));
+        for outside in [0, 300, 2_399, 1_000_001, 2_000_000] {
+            let text = refusal(with(outside));
+            assert!(text.contains("2400..=1000000"), "{text}");
+        }
+        assert!(with(2_400).is_ok() && with(1_000_000).is_ok());
     }
 
     #[test]

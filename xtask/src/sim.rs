@@ -119,11 +119,20 @@ pub fn become_program(mut command: Command) -> Error {
 
 /// A link is only made in place of an older link: whatever else stands there is the user's.
 fn check_link(link: &Path) -> Result<(), Error> {
-    match link.symlink_metadata() {
-        Ok(meta) if !meta.is_symlink() => Err(Error::usage(format!(
-            "--link {}: it exists and is not a link; choose another path or remove it",
+    let refused = |why| {
+        Err(Error::usage(format!(
+            "--link {}: {why}; choose another path",
             link.display()
-        ))),
+        )))
+    };
+    match link.symlink_metadata() {
+        Ok(meta) if !meta.is_symlink() => return refused("it exists and is not a link"),
+        _ => {}
+    }
+    // The folder of a bare name is the current one, which is given as an empty path.
+    match link.parent() {
+        Some(folder) if !Path::new(".").join(folder).is_dir() => refused("its folder is not there"),
+        None => refused("it names no file"),
         _ => Ok(()),
     }
 }
@@ -157,6 +166,10 @@ mod tests {
         let error = check_link(Path::new(env!("CARGO_MANIFEST_DIR"))).expect_err("a folder");
         assert_eq!(error.code(), 2);
         assert!(error.message().contains("is not a link"));
-        assert!(check_link(Path::new("no/such/link")).is_ok());
+        let error = check_link(Path::new("no/such/link")).expect_err("no folder");
+        assert!(error.message().contains("its folder is not there"));
+        for free in ["free", "./free", "/free", "../free"] {
+            assert!(check_link(Path::new(free)).is_ok(), "{free}");
+        }
     }
 }

@@ -1,1 +1,50 @@
-//! The simulated bus.
+//! A simulated RS-485 bus, cycle by cycle: ATmega328P nodes running the firmware images that are
+//! flashed, and hosts without firmware, on one half-duplex wire.
+//!
+//! The instruction core is simavr's; USART0, Timer1, the ports, interrupt timing and sleep are
+//! modelled after the data sheet (Microchip DS40002061B). Same inputs, same record: nothing depends
+//! on the machine's time or scheduling.
+//!
+//! ```no_run
+//! use multidrop_bus::{Bus, BusConfig, HostPort, Line, Nano, Pin, Time};
+//!
+//! # fn main() -> Result<(), multidrop_bus::BusError> {
+//! let mut bus = Bus::new(BusConfig::default());
+//! let node = bus.add_nano(Nano::new("unit 1", "target/firmware/nano-demo-unit.elf"))?;
+//! let host = bus.add_host(HostPort::new(Line::n81(38_400)));
+//! bus.run_for(Time::from_ms(20));
+//!
+//! let request = [0x01, 0x03, 0x00, 0x00, 0x00, 0x01, 0x84, 0x0a];
+//! if let Some(answer) = bus.transact(host, &request, Time::from_ms(100)) {
+//!     println!("{:02x?} after {}", answer.bytes, answer.turnaround());
+//! }
+//! println!("{:?}\n{}", bus.node(node).port_state('D'), bus.record());
+//! # Ok(())
+//! # }
+//! ```
+
+mod bus;
+mod elf;
+mod error;
+mod ffi;
+mod gpio;
+mod host;
+mod line;
+mod node;
+mod peripherals;
+mod record;
+mod time;
+mod timer1;
+mod usart;
+mod wire;
+
+pub use bus::{Answer, Bus, BusConfig};
+pub use elf::DataSymbol;
+pub use error::BusError;
+pub use gpio::{Level, Pin};
+pub use host::{Host, HostPort, RxByte, Tx};
+pub use line::{Format, Line, Parity};
+pub use node::{Nano, Node, Stats, VECTORS, VectorStats};
+pub use record::{Conflict, DeEdge, HostId, NodeId, PinEdge, Record, Station, WireByte, WireEdge};
+pub use time::{Clock, Time};
+pub use usart::TxPhase;

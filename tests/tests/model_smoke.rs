@@ -1,0 +1,24 @@
+//! A node on the bus answers a host.
+
+mod support;
+
+use multidrop_bus::{Line, Station, Time};
+
+#[test]
+fn a_node_echoes_over_the_wire() {
+    let (mut bus, node, host) = support::one("echo", &[], Line::n81(38_400));
+    bus.run_for(Time::from_ms(1));
+    let answer = bus
+        .transact(host, &[0x41], Time::from_ms(5))
+        .expect("an answer");
+    assert_eq!(answer.bytes, [0x42]);
+    assert!(answer.is_clean());
+    assert!(
+        bus.record().bytes().iter().all(|byte| byte.is_good()),
+        "{}",
+        bus.record()
+    );
+    assert_eq!(bus.record().sent_by(Station::Node(node)).count(), 1);
+    assert_eq!(bus.record().de_edges().len(), 2);
+    assert_eq!(bus.record().conflicts(), []);
+}

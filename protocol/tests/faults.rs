@@ -4,6 +4,7 @@ mod common;
 
 use common::{LIMITED, LOCKED, Tables, UNIT, ask, ask_on_line, refused, with_data, words};
 use multidrop_protocol::Adu;
+use multidrop_protocol::data::{CoilsOut, Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::rtu;
 use multidrop_protocol::server::{ApplicationFunction, DataModel, Functions, Plan, Server};
@@ -111,11 +112,7 @@ struct Liar;
 impl DataModel for Liar {
     const WRITES_MAY_FAIL: bool = false;
 
-    fn check_registers(
-        &self,
-        _: u16,
-        _: multidrop_protocol::data::Registers<'_>,
-    ) -> Result<(), Exception> {
+    fn check_registers(&self, _: u16, _: Registers<'_>) -> Result<(), Exception> {
         Ok(())
     }
 }
@@ -152,6 +149,36 @@ fn what_a_model_leaves_out_does_not_exist() {
             Plan::Answer { len: 3 }
         );
         assert_eq!(frame[..3], [UNIT, request[1] | 0x80, 2]);
+    }
+}
+
+#[test]
+fn what_a_model_does_not_set_is_zero() {
+    struct Lazy;
+    impl DataModel for Lazy {
+        fn coils(&mut self, _: u16, _: CoilsOut<'_>) -> Result<(), Exception> {
+            Ok(())
+        }
+        fn holding_registers(&mut self, _: u16, _: RegistersOut<'_>) -> Result<(), Exception> {
+            Ok(())
+        }
+    }
+    let server = Server::new(UNIT, Functions::standard());
+    for (function, quantity, bytes) in [(1, 2000, 250), (3, 125, 250), (1, 9, 2), (3, 1, 2)] {
+        let mut frame: Adu = [0xFF; 256];
+        frame[..6].copy_from_slice(&words(UNIT, function, 0x0102, quantity));
+        let len = 3 + bytes;
+        assert_eq!(
+            server.prepare(&mut Lazy, &mut frame, 6),
+            Plan::Answer { len }
+        );
+        assert_eq!(frame[..3], [UNIT, function, bytes]);
+        assert!(frame[3..len.into()].iter().all(|byte| *byte == 0));
+        assert!(
+            frame[len.into()..]
+                .iter()
+                .all(|byte| *byte == 0xFF || len < 6)
+        );
     }
 }
 

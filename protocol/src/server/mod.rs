@@ -7,6 +7,43 @@
 //!
 //! The order of the checks is that of the state diagrams in APP 6: function, quantity and length, addresses, values, and the
 //! operation itself. A write is all or nothing.
+//!
+//! # Example
+//!
+//! ```
+//! use multidrop_protocol::data::{Registers, RegistersOut};
+//! use multidrop_protocol::exception::Exception;
+//! use multidrop_protocol::registers::Bank;
+//! use multidrop_protocol::server::{DataModel, Functions, Plan, Server};
+//!
+//! struct Heater {
+//!     setpoints: Bank<4>,
+//! }
+//!
+//! impl DataModel for Heater {
+//!     fn holding_registers(&mut self, first: u16, out: RegistersOut<'_>) -> Result<(), Exception> {
+//!         self.setpoints.read(first, out)
+//!     }
+//!     fn check_registers(&self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
+//!         self.setpoints.check(first, values)
+//!     }
+//!     fn write_registers(&mut self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
+//!         self.setpoints.write(first, values)
+//!     }
+//! }
+//!
+//! const SERVER: Server<Heater> = Server::new(17, Functions::standard());
+//!
+//! let mut heater = Heater { setpoints: Bank::new(100) };
+//! let mut frame = [0; 256];
+//! // Write Single Register: register 101 becomes 215.
+//! frame[..6].copy_from_slice(&[17, 6, 0, 101, 0, 215]);
+//! let plan = SERVER.prepare(&mut heater, &mut frame, 6);
+//! assert_eq!(heater.setpoints.get(101), Some(0));
+//! assert_eq!(plan, Plan::Write { len: 6 });
+//! assert_eq!(SERVER.commit(&mut heater, &mut frame, 6, plan), 6);
+//! assert_eq!(heater.setpoints.get(101), Some(215));
+//! ```
 
 mod functions;
 mod model;
@@ -81,6 +118,7 @@ impl<M: DataModel> Server<M> {
     ///
     /// `frame[..len]` is a good frame: its CRC matched. The model is asked for values and checks but not changed. When the
     /// frame turns out void, drop the plan: nothing has happened but that `frame[..254]` may be overwritten.
+    #[inline(never)]
     pub fn prepare(&self, model: &mut M, frame: &mut Adu, len: u8) -> Plan {
         if !(LEN_MIN..=LEN_MAX).contains(&len) {
             return Plan::Ignore;

@@ -13,12 +13,12 @@ const MULTIPLE_HEAD: u8 = 7;
 
 pub(super) fn prepare<M: DataModel>(model: &M, frame: &Adu, len: u8) -> Result<Plan, Exception> {
     let (first, word) = two_words(frame);
+    // A byte count of 0 is out, and with it a quantity of 0.
     let well_formed = if frame[1] == WRITE_SINGLE_REGISTER {
         len == SINGLE_LEN
     } else {
         len > MULTIPLE_HEAD
             && len - MULTIPLE_HEAD == frame[6]
-            && word != 0
             && word <= WRITE_REGISTERS_MAX
             && frame[6] == word as u8 * 2
     };

@@ -38,7 +38,8 @@ impl Builder {
     /// # Errors
     /// [`Error::usage`] when the firmware compiler is missing.
     pub fn new() -> Result<Self, Error> {
-        let toolchain = setup::firmware_compiler()?;
+        let toolchain = Toolchain::find()
+            .ok_or_else(|| Error::usage("the firmware compiler is not installed"))?;
         Ok(Self { toolchain })
     }
 

@@ -2,9 +2,9 @@
 
 use crate::error::Error;
 use crate::needs::{ALL, COMPILER_PACKAGES, Need, Purpose};
+use crate::python;
 use crate::repo;
 use crate::toolchain::{LINKED, RELEASE, SYSTEM_PREFIX, Toolchain};
-use crate::{python, toolchain};
 use std::process::Command;
 
 /// `setup --check`: what is there and what is missing; changes nothing.
@@ -238,12 +238,4 @@ fn becoming_root() -> Option<Vec<&'static str>> {
     } else {
         repo::in_path("sudo").map(|_| vec!["sudo"])
     }
-}
-
-/// The compiler that images are built with.
-///
-/// # Errors
-/// [`Error::usage`] when it is missing, though [`require`] should have said so before.
-pub fn firmware_compiler() -> Result<toolchain::Toolchain, Error> {
-    Toolchain::find().ok_or_else(|| Error::usage("the firmware compiler is not installed"))
 }

@@ -455,11 +455,14 @@ impl Bus {
 
     /// Sends a request and waits for the answer: what comes within `timeout` of the request's end,
     /// up to a silence of 3.5 characters (1750 us above 19200 baud). `None`: nothing came.
+    ///
+    /// Returns one character later than that, so that a request sent right after it does not begin
+    /// at the very edge of t3.5.
     pub fn transact(&mut self, id: HostId, request: &[u8], timeout: Time) -> Option<Answer> {
         let host = self.host(id);
         host.take();
         let request_end = host.send(request);
-        let silence = host.line().t35();
+        let silence = host.line().t35() + host.line().character();
         let mut deadline = request_end + timeout;
         let mut count = 0;
         while self.now < deadline {

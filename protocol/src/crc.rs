@@ -27,10 +27,12 @@ pub(crate) struct Sum {
 }
 
 impl Sum {
-    pub(crate) const INIT: Sum = Sum {
-        low: INIT as u8,
-        high: (INIT >> 8) as u8,
-    };
+    pub(crate) const INIT: Sum = Sum::new(INIT);
+
+    pub(crate) const fn new(crc: u16) -> Sum {
+        let [low, high] = crc.to_le_bytes();
+        Sum { low, high }
+    }
 
     #[inline(always)]
     pub(crate) fn push(&mut self, byte: u8) {

@@ -11,11 +11,11 @@
 //!
 //! Interrupts are bound by one line in the binary, [`bind_usart0!`](crate::bind_usart0).
 
+mod character;
 mod registers;
 mod settings;
 mod state;
 
-use core::cell::UnsafeCell;
 use core::future::{Future, poll_fn};
 use core::marker::PhantomData;
 use core::mem;
@@ -28,22 +28,14 @@ use crate::gpio::{DriverEnable, PD0, PD1};
 use crate::pac::{TC1, USART0};
 use crate::timer1;
 pub use settings::Settings;
-use state::{Buffer, Phase, State, Verdict};
-
-/// [`State`] of the one USART.
-struct Shared(UnsafeCell<State>);
-
-// SAFETY: used by interrupts, which do not nest, and with interrupts off.
-unsafe impl Sync for Shared {}
-
-static SHARED: Shared = Shared(UnsafeCell::new(State::new()));
+use state::{Buffer, Phase, SHARED, State, Verdict};
 
 /// With interrupts off.
 #[inline(always)]
 fn with<R>(f: impl FnOnce(&mut State) -> R) -> R {
     critical_section::with(|_| {
         // SAFETY: interrupts are off and `with` is never called from within `f`.
-        f(unsafe { &mut *SHARED.0.get() })
+        f(unsafe { &mut *SHARED.get() })
     })
 }
 
@@ -71,8 +63,8 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[doc(hidden)]
     #[inline(always)]
     pub unsafe fn on_character() {
-        // SAFETY: in an interrupt, see `Shared`.
-        unsafe { &mut *SHARED.0.get() }.on_character();
+        // SAFETY: demanded of the caller.
+        unsafe { character::on_character() }
     }
 
     /// For [`bind_usart0!`](crate::bind_usart0).
@@ -83,7 +75,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_silence() {
         // SAFETY: in an interrupt, see `Shared`.
-        unsafe { &mut *SHARED.0.get() }.on_silence::<DE>();
+        unsafe { &mut *SHARED.get() }.on_silence::<DE>();
     }
 
     /// For [`bind_usart0!`](crate::bind_usart0).
@@ -94,7 +86,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_ready() {
         // SAFETY: in an interrupt, see `Shared`.
-        unsafe { &mut *SHARED.0.get() }.on_ready();
+        unsafe { &mut *SHARED.get() }.on_ready();
     }
 
     /// For [`bind_usart0!`](crate::bind_usart0).
@@ -105,7 +97,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_sent() {
         // SAFETY: in an interrupt, see `Shared`.
-        unsafe { &mut *SHARED.0.get() }.on_sent::<DE>();
+        unsafe { &mut *SHARED.get() }.on_sent::<DE>();
     }
 
     /// Takes the buffer once the wire is silent and the buffer free.

@@ -11,7 +11,6 @@ pub(super) const UDRE: u8 = 1 << 5;
 const FE: u8 = 1 << 4;
 const DOR: u8 = 1 << 3;
 const UPE: u8 = 1 << 2;
-pub(super) const ERRORS: u8 = FE | DOR | UPE;
 
 /// Bits of UCSR0B.
 const RXCIE: u8 = 1 << 7;
@@ -38,11 +37,6 @@ impl Usart {
     #[inline(always)]
     pub fn status() -> u8 {
         Self::block().ucsr0a().read().bits()
-    }
-
-    #[inline(always)]
-    pub fn data() -> u8 {
-        Self::block().udr0().read().bits()
     }
 
     #[inline(always)]

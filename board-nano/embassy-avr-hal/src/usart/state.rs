@@ -6,8 +6,9 @@ use core::cell::UnsafeCell;
 
 use embassy_sync::waitqueue::AtomicWaker;
 use multidrop_firmware::line::Adu;
-use multidrop_firmware::protocol::rtu::{Flaws, Reception, Transmission};
+use multidrop_firmware::protocol::rtu::{Flaws, Transmission};
 
+use super::character::{Hot, set_attention};
 use super::registers::{self, Usart};
 use super::settings::Settings;
 use crate::gpio::DriverEnable;
@@ -69,6 +70,20 @@ impl AduCell {
     }
 }
 
+/// [`State`] of the one USART.
+pub(super) struct Shared(UnsafeCell<State>);
+
+// SAFETY: used by interrupts, which do not nest, and with interrupts off.
+unsafe impl Sync for Shared {}
+
+pub(super) static SHARED: Shared = Shared(UnsafeCell::new(State::new()));
+
+impl Shared {
+    pub fn get(&self) -> *mut State {
+        self.0.get()
+    }
+}
+
 pub(super) struct State {
     pub phase: Phase,
     pub verdict: Verdict,
@@ -83,7 +98,6 @@ pub(super) struct State {
     pub released: u8,
     /// Somebody waits for silence to transmit.
     pub transmit_waits: bool,
-    pub reception: Reception,
     pub transmission: Transmission,
     pub settings: Settings,
     /// Woken when there is a frame to fetch.
@@ -103,7 +117,6 @@ impl State {
             damaged: Flaws::NONE,
             released: 0,
             transmit_waits: false,
-            reception: Reception::new(),
             transmission: Transmission::new(),
             settings: Settings {
                 ubrr: 0,
@@ -130,6 +143,8 @@ impl State {
             self.user.wake();
         }
         self.phase = Phase::Quiet;
+        set_attention(true);
+        hot().to_complete = settings.to_complete;
         registers::clear_start_bit();
         self.alarm(settings.t3_5);
     }
@@ -141,26 +156,18 @@ impl State {
         timer1::enable(timer1::OCF1B);
     }
 
-    /// USART Receive Complete. Calls nothing and wakes nobody: it runs once per character on the bus.
-    #[inline(always)]
-    pub fn on_character(&mut self) {
-        // Status before data: reading UDR0 moves the FIFO on (DS 19.10.1).
-        let status = Usart::status();
-        let byte = Usart::data();
-        set_compare(timer1::now().wrapping_add(self.settings.to_complete));
-        timer1::clear(timer1::OCF1B);
-        registers::clear_start_bit();
+    /// A character that is not simply the next good one of its frame: whether it is to be stored.
+    pub fn on_unusual_character(&mut self, errors: u8) -> bool {
         if self.phase != Phase::Collecting {
             self.out_of_turn();
+        } else if hot().is_full() {
+            self.flaws |= Flaws::LENGTH;
         }
-        if status & registers::ERRORS != 0 {
-            self.flaws |= registers::flaws(status);
-        }
-        if self.flaws.is_empty() {
-            // SAFETY: only a frame without flaws is stored, and one that begins while the buffer is not
-            // free has a flaw.
-            self.reception.push(unsafe { &mut *ADU.get() }, byte);
-        }
+        self.flaws |= registers::flaws(errors);
+        // Only a frame without flaws is stored: one that is damaged may come while the buffer is lent.
+        let sound = self.flaws.is_empty();
+        set_attention(!sound);
+        sound
     }
 
     /// A character that is not simply the next of its frame.
@@ -175,7 +182,7 @@ impl State {
                 }
             }
             Phase::Silent | Phase::Sent => {
-                self.reception.restart();
+                hot().restart();
                 self.flaws = if self.buffer == Buffer::Free {
                     Flaws::NONE
                 } else {
@@ -192,6 +199,7 @@ impl State {
     /// Timer1 Compare Match B: some silence is over.
     #[inline(always)]
     pub fn on_silence<DE: DriverEnable>(&mut self) {
+        set_attention(true);
         match self.phase {
             Phase::Collecting | Phase::Begun => self.on_complete::<DE>(),
             Phase::Quiet | Phase::QuietBegun => self.on_stand::<DE>(),
@@ -214,7 +222,7 @@ impl State {
         }
         self.phase = Phase::Quiet;
         if self.flaws.is_empty() {
-            let heard = self.reception.finish();
+            let heard = hot().finish();
             self.flaws = heard.flaws;
             if heard.flaws.is_empty() {
                 self.len = heard.len;
@@ -315,6 +323,13 @@ impl State {
         self.alarm(self.settings.t3_5);
         self.user.wake();
     }
+}
+
+/// What the receive interrupt keeps.
+#[inline(always)]
+fn hot() -> &'static mut Hot {
+    // SAFETY: `State` is used by the interrupts, or with interrupts off.
+    unsafe { Hot::get() }
 }
 
 /// Sets OCR1B. A 16-bit register, written through TEMP: interrupts are off.

@@ -1,0 +1,199 @@
+//! The receive interrupt: what happens once per character on the bus.
+//!
+//! At 1 Mbaud a character takes 160 cycles, so the common case, the next good character of a frame, is
+//! written by hand: it stores the byte, steps the CRC and moves the end of the silence on. LLVM makes
+//! half as much again of the same in Rust. Everything else is decided in Rust, by
+//! [`State::on_unusual_character`], which the common case does not save registers for.
+
+use core::arch::asm;
+use core::cell::UnsafeCell;
+
+use multidrop_firmware::protocol::crc;
+use multidrop_firmware::protocol::rtu::{Heard, Reception};
+
+use super::state::{ADU, SHARED};
+
+/// What the interrupt touches for every character, in one place.
+#[repr(C)]
+pub(super) struct Hot {
+    /// Bytes stored, modulo 256.
+    len: u8,
+    crc: [u8; 2],
+    /// 1 when 256 bytes are stored.
+    full: u8,
+    /// Ticks from a character to the end of the silence that completes its frame.
+    pub to_complete: u16,
+}
+
+/// [`Hot`], for the line's interrupts and for code with interrupts off.
+pub(super) struct HotCell(UnsafeCell<Hot>);
+
+// SAFETY: as for `SHARED`.
+unsafe impl Sync for HotCell {}
+
+pub(super) static HOT: HotCell = HotCell(UnsafeCell::new(Hot {
+    len: 0,
+    crc: [0; 2],
+    full: 0,
+    to_complete: 0,
+}));
+
+impl Hot {
+    /// The one there is.
+    ///
+    /// # Safety
+    /// In an interrupt of the line, or with interrupts off; one reference at a time.
+    #[inline(always)]
+    pub unsafe fn get() -> &'static mut Hot {
+        // SAFETY: as demanded above.
+        unsafe { &mut *HOT.0.get() }
+    }
+
+    /// Ready for the first byte of a frame.
+    #[inline(always)]
+    pub fn restart(&mut self) {
+        self.len = 0;
+        self.crc = crc::INIT.to_le_bytes();
+        self.full = 0;
+    }
+
+    /// Whether another byte would not fit.
+    #[inline(always)]
+    pub fn is_full(&self) -> bool {
+        self.full != 0
+    }
+
+    /// What has come in, taken for a whole frame.
+    #[inline(always)]
+    pub fn finish(&self) -> Heard {
+        Reception::from_parts(u16::from_le_bytes(self.crc), self.len, self.is_full()).finish()
+    }
+}
+
+/// GPIOR1 (DS 8.6.2), within reach of `in` and `out`: not 0 if the next character needs more than to be
+/// stored, because it begins a frame, comes out of turn, belongs to a damaged frame or does not fit.
+const ATTENTION: *mut u8 = 0x4A as *mut u8;
+
+/// Sets or clears it.
+#[inline(always)]
+pub(super) fn set_attention(needed: bool) {
+    // SAFETY: a plain storage register, used by the line only.
+    unsafe { ATTENTION.write_volatile(needed as u8) }
+}
+
+/// USART Receive Complete.
+///
+/// # Safety
+/// From that interrupt only.
+#[inline(always)]
+pub(super) unsafe fn on_character() {
+    // SAFETY: touches the registers of the line and what `Hot` and `ADU` hold; only a frame without
+    // flaws is stored, and one that begins while the buffer is not free has a flaw. Around the call it
+    // saves what the calling convention lets a function change; r0 and SREG are saved by the interrupt.
+    unsafe {
+        asm!(
+            // OCR1B = TCNT1 + to_complete, low byte read first, high byte written first (DS 16.3).
+            "lds r24, 0x84",
+            "lds r25, 0x85",
+            "lds r18, {hot}+4",
+            "add r24, r18",
+            "lds r18, {hot}+5",
+            "adc r25, r18",
+            "sts 0x8B, r25",
+            "sts 0x8A, r24",
+            // Clears OCF1B in TIFR1 and PCIF2 in PCIFR, bit 2 in both.
+            "ldi r18, 4",
+            "out 0x16, r18",
+            "out 0x1B, r18",
+            // FE, DOR and UPE of UCSR0A, before UDR0 is read (DS 19.10.1); GPIOR1.
+            "lds r24, 0xC0",
+            "andi r24, 0x1C",
+            "in r25, 0x2A",
+            "or r25, r24",
+            "brne 3f",
+            // Store the byte.
+            "2: lds r19, 0xC6",
+            "lds r24, {hot}",
+            "mov r26, r24",
+            "ldi r27, 0",
+            "subi r26, lo8(-({adu}))",
+            "sbci r27, hi8(-({adu}))",
+            "st X, r19",
+            "inc r24",
+            "sts {hot}, r24",
+            "breq 4f",
+            // The CRC. a = low ^ byte, p = the parity of a.
+            "5: lds r24, {hot}+1",
+            "eor r24, r19",
+            "mov r18, r24",
+            "swap r18",
+            "eor r18, r24",
+            "mov r19, r18",
+            "lsr r19",
+            "lsr r19",
+            "eor r18, r19",
+            "mov r19, r18",
+            "lsr r19",
+            "eor r18, r19",
+            "andi r18, 1",
+            // new = high ^ p ^ (pa << 7) ^ (pa << 6), where pa is a with p in front.
+            "lds r25, {hot}+2",
+            "eor r25, r18",
+            "lsr r18",
+            "ror r24",
+            "ror r18",
+            "mov r19, r24",
+            "eor r25, r18",
+            "lsr r24",
+            "ror r18",
+            "eor r19, r24",
+            "eor r25, r18",
+            "sts {hot}+1, r25",
+            "sts {hot}+2, r19",
+            "rjmp 9f",
+            // 256 bytes: the next one needs attention.
+            "4: ldi r25, 1",
+            "sts {hot}+3, r25",
+            "out 0x2A, r25",
+            "rjmp 5b",
+            // Not simply the next character. The answer says whether to store it.
+            "3: push r18",
+            "push r19",
+            "push r20",
+            "push r21",
+            "push r22",
+            "push r23",
+            "push r30",
+            "push r31",
+            "call {unusual}",
+            "pop r31",
+            "pop r30",
+            "pop r23",
+            "pop r22",
+            "pop r21",
+            "pop r20",
+            "pop r19",
+            "pop r18",
+            "tst r24",
+            "breq 6f",
+            "rjmp 2b",
+            "6:",
+            "lds r24, 0xC6",
+            "9:",
+            hot = sym HOT,
+            adu = sym ADU,
+            unusual = sym on_unusual_character,
+            out("r18") _,
+            out("r19") _,
+            out("r24") _,
+            out("r25") _,
+            out("X") _,
+        );
+    }
+}
+
+/// Called by [`on_character`] with the error bits of UCSR0A: whether the character is to be stored.
+extern "C" fn on_unusual_character(errors: u8) -> bool {
+    // SAFETY: in the interrupt.
+    unsafe { &mut *SHARED.get() }.on_unusual_character(errors)
+}

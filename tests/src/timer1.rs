@@ -130,12 +130,8 @@ impl Timer1 {
         let word = u16::from(self.temp) << 8 | u16::from(value);
         match address {
             0x36 => self.tifr &= !value,
-            0x43 => {
-                // GTCCR.PSRSYNC, 17.4.1
-                if value & 1 != 0 {
-                    self.prescaler_zero = at;
-                }
-            }
+            // GTCCR.PSRSYNC, 17.4.1
+            0x43 if value & 1 != 0 => self.prescaler_zero = at,
             0x6f => self.timsk = value & (TOV | OCA | OCB),
             0x80 => self.tccra = value,
             0x81 => self.tccrb = value,

@@ -1,0 +1,199 @@
+//! `sim`: a simulated bus in real time, with a serial port on it for other programs.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::error::ErrorKind;
+use clap::{Parser, ValueEnum};
+use multidrop_bus::{Bus, BusConfig, BusError, HostPort, Line, Live, LiveError, Nano, Time};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+/// Time given to the nodes to boot: many times what they need, t3.5 included.
+const BOOT: Time = Time::from_ms(50);
+
+/// A simulated bus in real time, with a serial port on it.
+#[derive(Debug, Parser)]
+#[command(name = "sim")]
+struct Arguments {
+    /// Which nodes are on the bus
+    scenario: Scenario,
+    /// The firmware of a node, in the order of the nodes
+    #[arg(long = "image", value_name = "PATH")]
+    images: Vec<PathBuf>,
+    /// The link to the serial port
+    #[arg(long, value_name = "PATH", default_value = "./bus")]
+    link: PathBuf,
+    /// End after so many seconds
+    #[arg(long, value_name = "N")]
+    seconds: Option<u64>,
+    /// Send a canned frame as soon as the nodes listen, and show it with what it caused
+    #[arg(long, value_name = "NAME")]
+    inject: Option<Canned>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Scenario {
+    /// Three Nanos with the unit ids 1, 2, 3
+    DemoUnit,
+    /// One Nano with unit id 1
+    Registers,
+}
+
+impl Scenario {
+    /// The files the nodes' images are in by default.
+    fn images(self) -> &'static [&'static str] {
+        match self {
+            Scenario::DemoUnit => &[
+                "nano-demo-unit-unit1.elf",
+                "nano-demo-unit-unit2.elf",
+                "nano-demo-unit-unit3.elf",
+            ],
+            Scenario::Registers => &["nano-registers.elf"],
+        }
+    }
+}
+
+/// Frames of which every byte is known, checksum included.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Canned {
+    /// Unit 1: read holding register 0
+    ReadHolding,
+    /// The same with a wrong checksum
+    BadCrc,
+    /// Unit 17: read holding registers 107 to 109
+    ReadHolding17,
+    /// Unit 17: coil 172 on
+    CoilOn17,
+    /// Unit 17: write holding register 1
+    WriteRegister17,
+    /// Unit 17: write ten coils from 19
+    WriteCoils17,
+    /// Unit 17: write holding registers 1 and 2
+    WriteRegisters17,
+    /// Unit 10's answer: exception 02 to function 01
+    Exception10,
+}
+
+impl Canned {
+    fn frame(self) -> &'static [u8] {
+        match self {
+            Canned::ReadHolding => &[0x01, 0x03, 0x00, 0x00, 0x00, 0x01, 0x84, 0x0a],
+            Canned::BadCrc => &[0x01, 0x03, 0x00, 0x00, 0x00, 0x01, 0x84, 0x0b],
+            Canned::ReadHolding17 => &[0x11, 0x03, 0x00, 0x6b, 0x00, 0x03, 0x76, 0x87],
+            Canned::CoilOn17 => &[0x11, 0x05, 0x00, 0xac, 0xff, 0x00, 0x4e, 0x8b],
+            Canned::WriteRegister17 => &[0x11, 0x06, 0x00, 0x01, 0x00, 0x03, 0x9a, 0x9b],
+            Canned::WriteCoils17 => &[
+                0x11, 0x0f, 0x00, 0x13, 0x00, 0x0a, 0x02, 0xcd, 0x01, 0xbf, 0x0b,
+            ],
+            Canned::WriteRegisters17 => &[
+                0x11, 0x10, 0x00, 0x01, 0x00, 0x02, 0x04, 0x00, 0x0a, 0x01, 0x02, 0xc6, 0xf0,
+            ],
+            Canned::Exception10 => &[0x0a, 0x81, 0x02, 0xb0, 0x53],
+        }
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+enum SimError {
+    #[error("{scenario} has {wanted} nodes, but --image was given {given} times")]
+    Images {
+        scenario: String,
+        wanted: usize,
+        given: usize,
+    },
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    #[error(transparent)]
+    Live(#[from] LiveError),
+    #[error("cannot watch for signals: {0}")]
+    Signals(std::io::Error),
+}
+
+fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            let _ = error.print();
+            let asked = matches!(
+                error.kind(),
+                ErrorKind::DisplayHelp | ErrorKind::DisplayVersion
+            );
+            return ExitCode::from(if asked { 0 } else { 2 });
+        }
+    };
+    match run(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), SimError> {
+    // Before anything else, so that no signal comes too early to be noticed.
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(SimError::Signals)?;
+    }
+    let line = Line::n81(38_400);
+    let mut bus = Bus::new(BusConfig::default());
+    for (index, image) in images(arguments)?.into_iter().enumerate() {
+        let mut nano = Nano::new(format!("unit {}", index + 1), image);
+        nano.seed = index as u64 + 1;
+        bus.add_nano(nano)?;
+    }
+    let client = bus.add_host(HostPort::new(line));
+    let injector = bus.add_host(HostPort::new(line));
+    bus.run_for(BOOT);
+
+    let mut live = Live::new(bus, client, &arguments.link)?;
+    say(&format!("ready: {}\n", live.link().display()));
+    let mut waiting = arguments.inject;
+    if let Some(canned) = waiting {
+        live.bus().host(injector).send(canned.frame());
+    }
+    let end = arguments
+        .seconds
+        .map(|seconds| Instant::now() + Duration::from_secs(seconds));
+    let shown_at = live.bus().now() + Time::from_ms(100);
+    live.run(|bus| {
+        if waiting.is_some() && bus.now() >= shown_at {
+            waiting = None;
+            say(&bus.record().to_string());
+        }
+        if waiting.is_none() {
+            // It runs for days: nothing may grow.
+            bus.clear_record();
+        }
+        bus.host(injector).take();
+        stop.load(Ordering::Relaxed) || end.is_some_and(|end| Instant::now() >= end)
+    })?;
+    Ok(())
+}
+
+/// To standard output, at once; whoever read it may have gone.
+fn say(text: &str) {
+    let mut out = std::io::stdout();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+fn images(arguments: &Arguments) -> Result<Vec<PathBuf>, SimError> {
+    let names = arguments.scenario.images();
+    if arguments.images.is_empty() {
+        let folder = Path::new("target/firmware");
+        return Ok(names.iter().map(|name| folder.join(name)).collect());
+    }
+    if arguments.images.len() != names.len() {
+        return Err(SimError::Images {
+            scenario: format!("{:?}", arguments.scenario),
+            wanted: names.len(),
+            given: arguments.images.len(),
+        });
+    }
+    Ok(arguments.images.clone())
+}

@@ -14,8 +14,8 @@ use embassy_avr_hal::usart::{Settings, Usart0};
 use multidrop_firmware::PortConfig;
 use multidrop_firmware::line::LineError;
 
-/// The Nano's crystal.
-pub const CLOCK_HZ: u32 = 16_000_000;
+/// The CPU clock: the Nano's 16 MHz crystal if not built otherwise.
+pub const CLOCK_HZ: u32 = options::clock(16_000_000);
 
 /// The pin that enables the driver of the RS-485 transceiver. To move it, change this line, and take
 /// the pin out of whatever else uses it.
@@ -32,15 +32,17 @@ pub type Rs485 = Usart0<De, CLOCK_HZ>;
 pub const fn settings(port: &PortConfig) -> Settings {
     match Settings::new(&port.line(), CLOCK_HZ) {
         Ok(settings) => settings,
-        Err(LineError::Baud { .. }) => port.wrong(
+        Err(LineError::Baud { nearest }) => port.wrong(
             "baud",
             port.line().baud,
-            "16 MHz does not make it within 2.5 %",
+            "the clock does not make it within 2.5 %",
+            Some(nearest),
         ),
         Err(LineError::Format(format)) => port.wrong(
             "format: data bits",
             format.data_bits() as u32,
             "the USART does not have it",
+            None,
         ),
     }
 }

@@ -34,10 +34,21 @@ pub const fn format(default: LineFormat) -> LineFormat {
     }
 }
 
+/// `MULTIDROP_CLOCK`, or `default`: the CPU clock in Hz, 8 to 20 MHz, for boards such as a Pro Mini with
+/// 8 MHz.
+pub const fn clock(default: u32) -> u32 {
+    let clock = number(option_env!("MULTIDROP_CLOCK"), default);
+    assert!(
+        clock >= 8_000_000 && clock <= 20_000_000,
+        "MULTIDROP_CLOCK must be 8000000..=20000000"
+    );
+    clock
+}
+
 const fn number(text: Option<&str>, default: u32) -> u32 {
     let Some(text) = text else { return default };
     match u32::from_str_radix(text, 10) {
         Ok(number) => number,
-        Err(_) => panic!("MULTIDROP_UNIT, _COUNT and _BAUD must be decimal numbers"),
+        Err(_) => panic!("MULTIDROP_UNIT, _COUNT, _BAUD and _CLOCK must be decimal numbers"),
     }
 }

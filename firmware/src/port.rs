@@ -49,7 +49,7 @@ impl PortConfig {
     /// At compile time, with port and value, if it is out of range.
     pub const fn slave_id(mut self, id: u32) -> Self {
         if id < 1 || id > 247 {
-            self.wrong("slave_id", id, "must be 1..=247");
+            self.wrong("slave_id", id, "must be 1..=247", None);
         }
         self.slave_id = id as u8;
         self
@@ -61,7 +61,7 @@ impl PortConfig {
     /// At compile time, with port and value, below 300 or above 10 000 000.
     pub const fn baud(mut self, baud: u32) -> Self {
         if baud < 300 || baud > 10_000_000 {
-            self.wrong("baud", baud, "must be 300..=10000000");
+            self.wrong("baud", baud, "must be 300..=10000000", None);
         }
         self.line.baud = baud;
         self
@@ -77,6 +77,7 @@ impl PortConfig {
                 "format: data bits",
                 format.data_bits() as u32,
                 "must be 8 for RTU",
+                None,
             );
         }
         self.line.format = format;
@@ -104,10 +105,10 @@ impl PortConfig {
         self.line
     }
 
-    /// Stops the build: `port NAME: FIELD is VALUE, RULE`. For the checks of a board, such as a baud
-    /// that its clock does not make.
-    pub const fn wrong(&self, field: &str, value: u32, rule: &str) -> ! {
-        Message::new()
+    /// Stops the build: `port NAME: FIELD is VALUE, RULE`, and `, nearest is N` if there is one. For the
+    /// checks of a board, such as a baud that its clock does not make.
+    pub const fn wrong(&self, field: &str, value: u32, rule: &str, nearest: Option<u32>) -> ! {
+        let message = Message::new()
             .text("port ")
             .text(self.name)
             .text(": ")
@@ -115,8 +116,11 @@ impl PortConfig {
             .text(" is ")
             .number(value)
             .text(", ")
-            .text(rule)
-            .fail()
+            .text(rule);
+        match nearest {
+            Some(nearest) => message.text(", nearest is ").number(nearest).fail(),
+            None => message.fail(),
+        }
     }
 }
 

@@ -104,12 +104,11 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     fn poll_buffer(&self, context: &Context) -> Poll<Frame<'_, Self>> {
         with(|state| {
             if state.phase == Phase::Silent && state.buffer == Buffer::Free {
-                state.transmit_waits = false;
                 state.buffer = Buffer::Lent;
                 state.verdict = Verdict::Stands;
                 return Poll::Ready(self.lend(0));
             }
-            state.transmit_waits = true;
+            state.silence_awaited = true;
             state.user.register(context.waker());
             Poll::Pending
         })
@@ -130,6 +129,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
 fn poll_settle(context: &Context) -> Poll<bool> {
     with(|state| match state.verdict {
         Verdict::Pending => {
+            state.silence_awaited = true;
             state.user.register(context.waker());
             Poll::Pending
         }
@@ -165,9 +165,9 @@ fn give_back() {
 #[inline(never)]
 fn release<DE: DriverEnable>(len: u8) {
     with(|state| match state.verdict {
-        Verdict::Pending => state.released = len,
+        Verdict::Pending => state.prepare(len),
         Verdict::Stands if state.phase == Phase::Silent => {
-            state.released = len;
+            state.prepare(len);
             state.start::<DE>();
         }
         _ => {}

@@ -96,8 +96,10 @@ pub(super) struct State {
     pub damaged: Flaws,
     /// Length of the answer that starts at t3.5; 0 for none.
     pub released: u8,
-    /// Somebody waits for silence to transmit.
-    pub transmit_waits: bool,
+    /// The first byte of that answer, taken from `transmission` ahead of time.
+    pub first: u8,
+    /// A future waits for the verdict or for silence; nobody else needs to be woken at t3.5.
+    pub silence_awaited: bool,
     pub transmission: Transmission,
     pub settings: Settings,
     /// Woken when there is a frame to fetch.
@@ -116,7 +118,8 @@ impl State {
             flaws: Flaws::NONE,
             damaged: Flaws::NONE,
             released: 0,
-            transmit_waits: false,
+            first: 0,
+            silence_awaited: false,
             transmission: Transmission::new(),
             settings: Settings {
                 ubrr: 0,
@@ -253,7 +256,10 @@ impl State {
             self.verdict = Verdict::Stands;
             if self.released > 0 {
                 self.start::<DE>();
-                self.user.wake();
+                if self.silence_awaited {
+                    self.silence_awaited = false;
+                    self.user.wake();
+                }
                 return;
             }
         }
@@ -270,9 +276,18 @@ impl State {
             self.flaws = Flaws::NONE;
             self.receiver.wake();
         }
-        if self.verdict != Verdict::None || self.transmit_waits {
+        if self.silence_awaited || self.verdict == Verdict::Void {
+            self.silence_awaited = false;
             self.user.wake();
         }
+    }
+
+    /// Gets an answer of `len` bytes ready to be started.
+    pub fn prepare(&mut self, len: u8) {
+        self.released = len;
+        self.transmission.start(len);
+        // SAFETY: as in `on_ready`.
+        self.first = self.transmission.next(unsafe { &*ADU.get() }).unwrap_or(0);
     }
 
     /// Begins to send what is in the buffer. The receiver is off meanwhile: a transceiver that hears
@@ -281,15 +296,12 @@ impl State {
     pub fn start<DE: DriverEnable>(&mut self) {
         DE::raise();
         registers::send(&self.settings);
-        self.transmission.start(self.released);
+        Usart::put(self.first);
         self.released = 0;
         self.phase = Phase::Sending;
-        // Two characters fit into the USART; a third waits for the interrupt.
-        loop {
+        // The second character fits into the USART too; for the others it interrupts.
+        if Usart::status() & registers::UDRE != 0 {
             self.on_ready();
-            if Usart::status() & registers::UDRE == 0 {
-                return;
-            }
         }
     }
 

@@ -26,6 +26,7 @@ pub mod data;
 pub mod exception;
 pub mod format;
 pub mod function;
+pub mod line;
 pub mod registers;
 pub mod rtu;
 pub mod server;

@@ -3,7 +3,7 @@
 //! At 1 Mbaud a character takes 160 cycles, so the common case, the next good character of a frame, is
 //! written by hand: it stores the byte, steps the CRC and moves the end of the silence on. LLVM makes
 //! half as much again of the same in Rust. Everything else is decided in Rust, by
-//! [`State::on_unusual_character`], which the common case does not save registers for.
+//! the line's state machine, which the common case does not save registers for.
 
 use core::arch::asm;
 use core::cell::UnsafeCell;
@@ -12,6 +12,7 @@ use multidrop_firmware::protocol::crc;
 use multidrop_firmware::protocol::rtu::{Heard, Reception};
 
 use super::state::{ADU, SHARED};
+use crate::gpio::DriverEnable;
 
 /// What the interrupt touches for every character, in one place.
 #[repr(C)]
@@ -86,7 +87,7 @@ pub(super) fn set_attention(needed: bool) {
 /// # Safety
 /// From that interrupt only.
 #[inline(always)]
-pub(super) unsafe fn on_character() {
+pub(super) unsafe fn on_character<DE: DriverEnable>() {
     // SAFETY: touches the registers of the line and what `Hot` and `ADU` hold; only a frame without
     // flaws is stored, and one that begins while the buffer is not free has a flaw. Around the call it
     // saves what the calling convention lets a function change; r0 and SREG are saved by the interrupt.
@@ -182,7 +183,7 @@ pub(super) unsafe fn on_character() {
             "9:",
             hot = sym HOT,
             adu = sym ADU,
-            unusual = sym on_unusual_character,
+            unusual = sym on_unusual_character::<DE>,
             out("r18") _,
             out("r19") _,
             out("r24") _,
@@ -193,7 +194,7 @@ pub(super) unsafe fn on_character() {
 }
 
 /// Called by [`on_character`] with the error bits of UCSR0A: whether the character is to be stored.
-extern "C" fn on_unusual_character(errors: u8) -> bool {
+extern "C" fn on_unusual_character<DE: DriverEnable>(errors: u8) -> bool {
     // SAFETY: in the interrupt.
-    unsafe { &mut *SHARED.get() }.on_unusual_character(errors)
+    unsafe { &mut *SHARED.get() }.on_unusual_character::<DE>(errors)
 }

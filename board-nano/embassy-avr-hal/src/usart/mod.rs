@@ -18,7 +18,6 @@ mod state;
 
 use core::future::{Future, poll_fn};
 use core::marker::PhantomData;
-use core::mem;
 use core::task::{Context, Poll};
 
 use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
@@ -28,7 +27,7 @@ use crate::gpio::{DriverEnable, PD0, PD1};
 use crate::pac::{TC1, USART0};
 use crate::timer1;
 pub use settings::Settings;
-use state::{Buffer, Phase, SHARED, State, Verdict};
+use state::{SHARED, State};
 
 /// With interrupts off.
 #[inline(always)]
@@ -52,7 +51,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     pub fn new(_: USART0, _: &TC1, _: PD0, _: PD1, _: DE, settings: Settings) -> Self {
         timer1::start();
         DE::init();
-        with(|state| state.apply(settings));
+        with(|state| state.apply::<DE>(settings));
         Self { _pins: PhantomData }
     }
 
@@ -64,7 +63,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_character() {
         // SAFETY: demanded of the caller.
-        unsafe { character::on_character() }
+        unsafe { character::on_character::<DE>() }
     }
 
     /// For [`bind_usart0!`](crate::bind_usart0).
@@ -75,7 +74,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_silence() {
         // SAFETY: in an interrupt, see `Shared`.
-        unsafe { &mut *SHARED.get() }.on_silence::<DE>();
+        unsafe { &mut *SHARED.get() }.on_alarm::<DE>();
     }
 
     /// For [`bind_usart0!`](crate::bind_usart0).
@@ -86,7 +85,8 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_ready() {
         // SAFETY: in an interrupt, see `Shared`.
-        unsafe { &mut *SHARED.get() }.on_ready();
+        let (machine, mut wire) = unsafe { &mut *SHARED.get() }.parts::<DE>();
+        machine.on_ready(&mut wire);
     }
 
     /// For [`bind_usart0!`](crate::bind_usart0).
@@ -97,27 +97,25 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_sent() {
         // SAFETY: in an interrupt, see `Shared`.
-        unsafe { &mut *SHARED.get() }.on_sent::<DE>();
+        let (machine, mut wire) = unsafe { &mut *SHARED.get() }.parts::<DE>();
+        machine.on_sent(&mut wire);
     }
 
     /// Takes the buffer once the wire is silent and the buffer free.
     fn poll_buffer(&self, context: &Context) -> Poll<Frame<'_, Self>> {
         with(|state| {
-            if state.phase == Phase::Silent && state.buffer == Buffer::Free {
-                state.buffer = Buffer::Lent;
-                state.verdict = Verdict::Stands;
+            if state.machine.take_buffer() {
                 return Poll::Ready(self.lend(0));
             }
-            state.silence_awaited = true;
-            state.user.register(context.waker());
+            state.chip.user.register(context.waker());
             Poll::Pending
         })
     }
 
-    /// The buffer as a frame. `Buffer::Lent` was set just now.
+    /// The buffer as a frame. The machine has lent it just now.
     fn lend(&self, len: u8) -> Frame<'_, Self> {
-        // SAFETY: `Buffer::Lent` keeps interrupts from writing to the buffer and everybody else from
-        // lending it until `give_back`. While an answer is sent the interrupt reads it; `Frame`
+        // SAFETY: until `give_back` the machine keeps interrupts from writing to the buffer, and everybody
+        // else from lending it. While an answer is sent the interrupt reads it; `Frame`
         // forbids to change those bytes then.
         let adu: &mut Adu = unsafe { &mut *state::ADU.get() };
         Frame::new(self, adu, len)
@@ -127,67 +125,48 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
 // Not inlined: one copy of each serves every await of the tasks.
 #[inline(never)]
 fn poll_settle(context: &Context) -> Poll<bool> {
-    with(|state| match state.verdict {
-        Verdict::Pending => {
-            state.silence_awaited = true;
-            state.user.register(context.waker());
+    with(|state| match state.machine.verdict() {
+        Some(stands) => Poll::Ready(stands),
+        None => {
+            state.chip.user.register(context.waker());
             Poll::Pending
         }
-        verdict => Poll::Ready(verdict == Verdict::Stands),
     })
 }
 
 #[inline(never)]
 fn poll_sent(context: &Context) -> Poll<()> {
     with(|state| {
-        let due = state.released > 0 && state.verdict == Verdict::Pending;
-        if state.phase == Phase::Sending || due {
-            state.user.register(context.waker());
+        if !state.machine.is_sending_or_due() {
+            return Poll::Ready(());
+        }
+        state.chip.user.register(context.waker());
+        Poll::Pending
+    })
+}
+
+#[inline(never)]
+fn poll_heard(context: &Context) -> Poll<Result<u8, Flaws>> {
+    with(|state| match state.machine.fetch() {
+        Some(heard) => Poll::Ready(heard),
+        None => {
+            state.chip.receiver.register(context.waker());
             Poll::Pending
-        } else {
-            Poll::Ready(())
         }
     })
 }
 
 #[inline(never)]
 fn give_back() {
-    with(|state| {
-        state.released = 0;
-        state.verdict = Verdict::None;
-        state.buffer = Buffer::Free;
-        if state.phase == Phase::Sending {
-            state.transmission = Default::default();
-        }
-    });
+    with(|state| state.machine.give_back());
 }
 
 #[inline(never)]
 fn release<DE: DriverEnable>(len: u8) {
-    with(|state| match state.verdict {
-        Verdict::Pending => state.prepare(len),
-        Verdict::Stands if state.phase == Phase::Silent => {
-            state.prepare(len);
-            state.start::<DE>();
-        }
-        _ => {}
-    });
-}
-
-/// What [`Line::receive`] finds: the length of a frame, which is lent now, or flaws.
-#[inline(never)]
-fn poll_heard(context: &Context) -> Poll<Result<u8, Flaws>> {
     with(|state| {
-        if state.buffer == Buffer::Full {
-            state.buffer = Buffer::Lent;
-            return Poll::Ready(Ok(state.len));
-        }
-        if !state.damaged.is_empty() {
-            return Poll::Ready(Err(mem::replace(&mut state.damaged, Flaws::NONE)));
-        }
-        state.receiver.register(context.waker());
-        Poll::Pending
-    })
+        let (machine, mut wire) = state.parts::<DE>();
+        machine.release(&mut wire, len);
+    });
 }
 
 impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
@@ -204,7 +183,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
             frame.adu()[..len].copy_from_slice(&bytes[..len]);
             frame.release(len as u8);
             // Not started if somebody began to talk meanwhile.
-            if with(|state| state.phase == Phase::Sending) {
+            if with(|state| state.machine.is_sending()) {
                 return frame.sent().await;
             }
         }
@@ -214,11 +193,11 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
         let settings = Settings::new(&config, CLOCK_HZ)?;
         poll_fn(|context| {
             with(|state| {
-                if state.phase == Phase::Sending {
-                    state.user.register(context.waker());
+                if state.machine.is_sending() {
+                    state.chip.user.register(context.waker());
                     return Poll::Pending;
                 }
-                state.apply(settings);
+                state.apply::<DE>(settings);
                 Poll::Ready(Ok(()))
             })
         })

@@ -1,0 +1,401 @@
+//! The rules by which an RTU line turns silence into frames and sends answers (SER 2.5.1.1): a state machine without a clock.
+//!
+//! The driver of a USART tells it what happened: a character came, the alarm went off, the transmitter is ready or done. It
+//! tells the driver what to do through [`Wire`]. Interrupts call the `on_...` methods, futures the others with interrupts
+//! off.
+//!
+//! A character is known to a USART when it is over. That one has *begun* within t1.5, or within t3.5, is known only a whole
+//! character later, unless the driver can see start bits ([`Wire::start_bit_seen`]). At t1.5 and at t3.5 the machine looks;
+//! if a character is under way it waits for it before it decides.
+//!
+//! | phase | a character | the alarm |
+//! |---|---|---|
+//! | a frame comes in | is stored | t1.5: the frame is complete, lent as provisional |
+//! | complete | voids the frame | t3.5: the frame stands; a released answer starts |
+//! | silent | begins a frame | - |
+//! | sending | - (the receiver is off) | - |
+//! | sent | begins a frame | t3.5: silent |
+
+use crate::Adu;
+use crate::rtu::{Flaws, Heard, Transmission};
+
+/// An interval that the machine asks an alarm for. How many ticks it has depends on the line's settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interval {
+    /// From t1.5 to t3.5 of the same silence; nothing where a gap over t1.5 is allowed, since t3.5 completes a frame there.
+    ToStand,
+    /// The same, less one character that has been waited for already; at least nothing.
+    ToStandLessCharacter,
+    /// One character.
+    Character,
+    /// t3.5, from now.
+    T3_5,
+}
+
+/// What the machine needs of a USART, a timer, and two tasks.
+pub trait Wire {
+    /// Whether a start bit was seen since [`clear_start_bit`](Wire::clear_start_bit); `false` if the driver cannot tell.
+    fn start_bit_seen(&mut self) -> bool;
+    /// Forgets start bits.
+    fn clear_start_bit(&mut self);
+    /// Sets the alarm to `interval` after the moment it last went off for, or from now for [`Interval::T3_5`]. Returns
+    /// whether there is anything to wait for.
+    fn alarm(&mut self, interval: Interval) -> bool;
+    /// Lets the alarm that [`on_character`](LineMachine::on_character)'s driver sets go off.
+    fn alarm_on(&mut self);
+    /// No alarm until the next is set.
+    fn alarm_off(&mut self);
+    /// The frame coming in starts anew.
+    fn restart(&mut self);
+    /// The frame that has come in.
+    fn finish(&mut self) -> Heard;
+    /// The buffer.
+    fn adu(&self) -> &Adu;
+    /// Receiver off, DE up, first character out.
+    fn talk(&mut self, first: u8);
+    /// Whether the transmitter takes another byte.
+    fn is_ready(&mut self) -> bool;
+    /// One more byte; the last one if `last`.
+    fn put(&mut self, byte: u8, last: bool);
+    /// Nothing more to put.
+    fn end(&mut self);
+    /// DE down, receiver on.
+    fn listen(&mut self);
+    /// Wakes the task that waits for a frame.
+    fn wake_receiver(&mut self);
+    /// Wakes the task that has the frame, or waits to transmit.
+    fn wake_user(&mut self);
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+enum Phase {
+    Collecting,
+    /// As above, and a start bit was seen when the alarm went off.
+    Begun,
+    Complete,
+    /// As above, and a start bit was seen when the alarm went off.
+    CompleteBegun,
+    Silent,
+    Sending,
+    Sent,
+}
+
+/// What became of the frame that is lent, or is about to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+enum Verdict {
+    None,
+    Pending,
+    Stands,
+    Void,
+}
+
+/// Who has the buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+enum Buffer {
+    /// The line: the next frame may be stored.
+    Free,
+    /// The line, with a complete frame in it.
+    Full,
+    /// A task.
+    Lent,
+}
+
+/// One line. See the module.
+#[derive(Debug)]
+pub struct LineMachine {
+    phase: Phase,
+    verdict: Verdict,
+    buffer: Buffer,
+    len: u8,
+    /// Flaws of the frame on the wire.
+    flaws: Flaws,
+    /// Flaws of damaged frames not yet fetched.
+    damaged: Flaws,
+    /// Length of the answer that starts at t3.5; 0 for none.
+    released: u8,
+    /// Its first byte, taken from `transmission` ahead of time.
+    first: u8,
+    /// A future waits for the verdict or for silence; nobody else needs to be woken at t3.5.
+    silence_awaited: bool,
+    transmission: Transmission,
+}
+
+impl LineMachine {
+    /// A line that has heard nothing yet; [`reset`](LineMachine::reset) starts it.
+    pub const fn new() -> LineMachine {
+        LineMachine {
+            phase: Phase::Complete,
+            verdict: Verdict::None,
+            buffer: Buffer::Free,
+            len: 0,
+            flaws: Flaws::NONE,
+            damaged: Flaws::NONE,
+            released: 0,
+            first: 0,
+            silence_awaited: false,
+            transmission: Transmission::new(),
+        }
+    }
+
+    /// Begins to listen, at start or with new settings: to nothing before t3.5 of silence, since a frame may be half over. A
+    /// frame that was pending is void.
+    pub fn reset<W: Wire>(&mut self, wire: &mut W) {
+        self.flaws = Flaws::NONE;
+        if self.verdict == Verdict::Pending {
+            self.verdict = Verdict::Void;
+            wire.wake_user();
+        }
+        self.phase = Phase::Complete;
+        wire.clear_start_bit();
+        wire.alarm(Interval::T3_5);
+        wire.alarm_on();
+    }
+
+    /// Whether the next good character just goes to the buffer, if that has room. A driver may take it without asking
+    /// [`on_character`](LineMachine::on_character).
+    #[inline(always)]
+    pub fn is_collecting(&self) -> bool {
+        self.phase == Phase::Collecting && self.flaws.is_empty()
+    }
+
+    /// A character came, with what the USART found wrong with it; `full` if the buffer has no room for it. Returns whether it
+    /// is to be stored. The driver has set the alarm to the end of the silence that would complete the frame.
+    #[inline]
+    pub fn on_character<W: Wire>(&mut self, wire: &mut W, flaws: Flaws, full: bool) -> bool {
+        match self.phase {
+            Phase::Collecting | Phase::Begun => {
+                if full {
+                    self.flaws |= Flaws::LENGTH;
+                }
+            }
+            Phase::Complete | Phase::CompleteBegun => {
+                // Between t1.5 and t3.5: what was complete is void, and this belongs to it.
+                self.flaws |= Flaws::GAP;
+                if self.verdict == Verdict::Pending {
+                    self.verdict = Verdict::Void;
+                }
+            }
+            Phase::Silent | Phase::Sent => {
+                wire.restart();
+                self.flaws = if self.buffer == Buffer::Free {
+                    Flaws::NONE
+                } else {
+                    // The frame before is still being worked on.
+                    Flaws::OVERRUN
+                };
+                wire.alarm_on();
+            }
+            // The receiver is off.
+            Phase::Sending => return false,
+        }
+        self.phase = Phase::Collecting;
+        self.flaws |= flaws;
+        // Only a frame without flaws is stored: one that is damaged may come while the buffer is lent.
+        self.flaws.is_empty()
+    }
+
+    /// The alarm went off: some silence is over.
+    #[inline(always)]
+    pub fn on_alarm<W: Wire>(&mut self, wire: &mut W) {
+        match self.phase {
+            Phase::Collecting | Phase::Begun => self.on_complete(wire),
+            Phase::Complete | Phase::CompleteBegun => self.on_stand(wire),
+            Phase::Sent => self.on_free(wire),
+            Phase::Silent | Phase::Sending => wire.alarm_off(),
+        }
+    }
+
+    #[inline(always)]
+    fn on_complete<W: Wire>(&mut self, wire: &mut W) {
+        let mut rest = Interval::ToStand;
+        if self.phase == Phase::Begun {
+            // The start bit was none: no character came of it.
+            wire.clear_start_bit();
+            rest = Interval::ToStandLessCharacter;
+        } else if wire.start_bit_seen() {
+            self.phase = Phase::Begun;
+            wire.alarm(Interval::Character);
+            return;
+        }
+        self.phase = Phase::Complete;
+        if self.flaws.is_empty() {
+            let heard = wire.finish();
+            self.flaws = heard.flaws;
+            if heard.flaws.is_empty() {
+                self.len = heard.len;
+                self.buffer = Buffer::Full;
+                self.verdict = Verdict::Pending;
+            }
+        }
+        let pending = self.verdict == Verdict::Pending;
+        if !wire.alarm(rest) {
+            self.on_stand(wire);
+        }
+        if pending {
+            wire.wake_receiver();
+        }
+    }
+
+    #[inline(always)]
+    fn on_stand<W: Wire>(&mut self, wire: &mut W) {
+        if self.phase == Phase::CompleteBegun {
+            wire.clear_start_bit();
+        } else if wire.start_bit_seen() {
+            self.phase = Phase::CompleteBegun;
+            wire.alarm(Interval::Character);
+            return;
+        }
+        if self.verdict == Verdict::Pending {
+            self.verdict = Verdict::Stands;
+            if self.released > 0 {
+                self.start(wire);
+                if self.silence_awaited {
+                    self.silence_awaited = false;
+                    wire.wake_user();
+                }
+                return;
+            }
+        }
+        self.on_free(wire);
+    }
+
+    /// t3.5 has passed on the wire.
+    #[inline(always)]
+    fn on_free<W: Wire>(&mut self, wire: &mut W) {
+        wire.alarm_off();
+        self.phase = Phase::Silent;
+        if !self.flaws.is_empty() {
+            self.damaged |= self.flaws;
+            self.flaws = Flaws::NONE;
+            wire.wake_receiver();
+        }
+        if self.silence_awaited || self.verdict == Verdict::Void {
+            self.silence_awaited = false;
+            wire.wake_user();
+        }
+    }
+
+    /// Gets an answer of `len` bytes ready to be started.
+    fn prepare<W: Wire>(&mut self, wire: &W, len: u8) {
+        self.released = len;
+        self.transmission.start(len);
+        self.first = self.transmission.next(wire.adu()).unwrap_or(0);
+    }
+
+    #[inline(never)]
+    fn start<W: Wire>(&mut self, wire: &mut W) {
+        wire.talk(self.first);
+        self.released = 0;
+        self.phase = Phase::Sending;
+        if wire.is_ready() {
+            self.on_ready(wire);
+        }
+    }
+
+    /// The transmitter takes another byte.
+    #[inline(always)]
+    pub fn on_ready<W: Wire>(&mut self, wire: &mut W) {
+        match self.transmission.next(wire.adu()) {
+            Some(byte) => wire.put(byte, self.transmission.is_over()),
+            None => wire.end(),
+        }
+    }
+
+    /// The transmitter has sent all it had, stop bit included. That is not the end if it was not given the next byte in time.
+    #[inline(always)]
+    pub fn on_sent<W: Wire>(&mut self, wire: &mut W) {
+        if !self.transmission.is_over() {
+            return;
+        }
+        wire.listen();
+        self.phase = Phase::Sent;
+        wire.alarm(Interval::T3_5);
+        wire.alarm_on();
+        wire.wake_user();
+    }
+
+    /// A good frame, which is lent by this, as its length without CRC; or the flaws of damaged ones, told once.
+    #[inline]
+    pub fn fetch(&mut self) -> Option<Result<u8, Flaws>> {
+        if self.buffer == Buffer::Full {
+            self.buffer = Buffer::Lent;
+            return Some(Ok(self.len));
+        }
+        if !self.damaged.is_empty() {
+            let flaws = self.damaged;
+            self.damaged = Flaws::NONE;
+            return Some(Err(flaws));
+        }
+        None
+    }
+
+    /// Lends the buffer to somebody who wants to transmit, if the wire is silent and the buffer free; else
+    /// [`Wire::wake_user`] is called when it may be.
+    #[inline]
+    pub fn take_buffer(&mut self) -> bool {
+        if self.phase == Phase::Silent && self.buffer == Buffer::Free {
+            self.buffer = Buffer::Lent;
+            self.verdict = Verdict::Stands;
+            return true;
+        }
+        self.silence_awaited = true;
+        false
+    }
+
+    /// The verdict over the frame that is lent: `None` before t3.5, [`Wire::wake_user`] is called when it is there.
+    #[inline]
+    pub fn verdict(&mut self) -> Option<bool> {
+        if self.verdict == Verdict::Pending {
+            self.silence_awaited = true;
+            return None;
+        }
+        Some(self.verdict == Verdict::Stands)
+    }
+
+    /// Whether an answer is on the wire.
+    #[inline]
+    pub fn is_sending(&self) -> bool {
+        self.phase == Phase::Sending
+    }
+
+    /// Whether an answer is on the wire or will be at t3.5; [`Wire::wake_user`] is called when that ends.
+    #[inline]
+    pub fn is_sending_or_due(&self) -> bool {
+        self.is_sending() || self.released > 0 && self.verdict == Verdict::Pending
+    }
+
+    /// The first `len` bytes of the buffer are to be sent: at t3.5 if the frame stands then, at once if it does, and not at all
+    /// if it is void or somebody has begun to talk.
+    #[inline]
+    pub fn release<W: Wire>(&mut self, wire: &mut W, len: u8) {
+        match self.verdict {
+            Verdict::Pending => self.prepare(wire, len),
+            Verdict::Stands if self.phase == Phase::Silent => {
+                self.prepare(wire, len);
+                self.start(wire);
+            }
+            _ => {}
+        }
+    }
+
+    /// The buffer is the line's again. An answer that has not started is withdrawn, one that has ends with the bytes that the
+    /// transmitter holds.
+    #[inline]
+    pub fn give_back(&mut self) {
+        self.released = 0;
+        self.verdict = Verdict::None;
+        self.buffer = Buffer::Free;
+        if self.phase == Phase::Sending {
+            self.transmission = Transmission::new();
+        }
+    }
+}
+
+impl Default for LineMachine {
+    fn default() -> LineMachine {
+        LineMachine::new()
+    }
+}

@@ -97,6 +97,16 @@ pub(crate) struct Gpio {
 }
 
 impl Gpio {
+    /// The transceiver's receiver holds RXD high from the start.
+    pub fn new() -> Self {
+        let rxd = [0, 0, Pin::D0.mask()];
+        Gpio {
+            outside: rxd,
+            connected: rxd,
+            ..Gpio::default()
+        }
+    }
+
     pub fn reset(&mut self, at: u64) {
         self.sync(at);
         self.port = [0; 3];

@@ -367,6 +367,11 @@ impl Node {
         self.core.periph().gpio.output(pin)
     }
 
+    /// The level of its RXD pin.
+    pub fn hears(&self) -> bool {
+        self.core.periph().usart.rxd()
+    }
+
     /// Opcodes met that the core does not know: more than 0 means that the firmware is broken.
     pub fn bad_opcodes(&self) -> u32 {
         self.core.periph().bad_opcodes

@@ -48,7 +48,7 @@ impl Nano328 {
         Nano328 {
             usart: Usart::new(phase),
             timer: Timer1::default(),
-            gpio: Gpio::default(),
+            gpio: Gpio::new(),
             watched: all
                 .into_iter()
                 .map(|pin| Watched {

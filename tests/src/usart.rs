@@ -135,7 +135,7 @@ impl Usart {
 
     /// Reset at `at`: registers as 20.11 says, the line as it is.
     pub fn reset(&mut self, at: u64) {
-        let level = self.level_at(u64::MAX);
+        let level = self.rxd();
         *self = Usart::new(self.phase);
         self.tick_origin = at;
         self.rxd = VecDeque::from([(at, level)]);
@@ -242,7 +242,7 @@ impl Usart {
     /// RXD changes to `level` at `at`.
     pub fn rxd_edge(&mut self, at: u64, level: bool) {
         self.sync_rx(at);
-        let was = self.level_at(u64::MAX);
+        let was = self.rxd();
         self.rxd.push_back((at, level));
         if self.rx == Rx::Idle {
             while self.rxd.len() > 2 {
@@ -254,6 +254,11 @@ impl Usart {
                 };
             }
         }
+    }
+
+    /// The level of RXD.
+    pub fn rxd(&self) -> bool {
+        self.level_at(u64::MAX)
     }
 
     fn level_at(&self, t: u64) -> bool {

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Line, Nano, NodeId};
+use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Level, Line, Nano, NodeId, Pin};
 
 /// Assembles `avr/NAME.S` with symbols set, and returns the image.
 pub fn assemble(name: &str, symbols: &[(&str, u32)]) -> PathBuf {
@@ -43,12 +43,44 @@ pub fn assemble(name: &str, symbols: &[(&str, u32)]) -> PathBuf {
     image
 }
 
-/// A bus with one Nano that runs `avr/NAME.S`, and a host.
-pub fn one(name: &str, symbols: &[(&str, u32)], line: Line) -> (Bus, NodeId, HostId) {
+/// PB0 to PB2, on which the programs show what they see.
+pub fn shown() -> Vec<Pin> {
+    (0..3).filter_map(|bit| Pin::new('B', bit)).collect()
+}
+
+/// A Nano that runs `avr/NAME.S`.
+pub fn nano(name: &str, symbols: &[(&str, u32)]) -> Nano {
+    let mut nano = Nano::new(name, assemble(name, symbols));
+    nano.watch = shown();
+    nano
+}
+
+/// A bus with one Nano, and a host.
+pub fn bus_with(nano: Nano, line: Line) -> (Bus, NodeId, HostId) {
     let mut bus = Bus::new(BusConfig::default());
-    let node = bus
-        .add_nano(Nano::new(name, assemble(name, symbols)))
-        .expect("a valid image");
+    let node = bus.add_nano(nano).expect("a valid image");
     let host = bus.add_host(HostPort::new(line));
     (bus, node, host)
+}
+
+/// A bus with one Nano that runs `avr/NAME.S`, and a host.
+pub fn one(name: &str, symbols: &[(&str, u32)], line: Line) -> (Bus, NodeId, HostId) {
+    bus_with(nano(name, symbols), line)
+}
+
+/// The cycles at which PB`bit` went high or low.
+pub fn edges(bus: &Bus, node: NodeId, bit: u8, level: Level) -> Vec<u64> {
+    let clock = bus.node(node).clock();
+    let pin = Pin::new('B', bit);
+    bus.record()
+        .pin_edges()
+        .iter()
+        .filter(|edge| edge.node == node && Some(edge.pin) == pin && edge.level == level)
+        .map(|edge| clock.tick_at_or_after(edge.time))
+        .collect()
+}
+
+/// The cycle at which PB`bit` first went high.
+pub fn rise(bus: &Bus, node: NodeId, bit: u8) -> u64 {
+    edges(bus, node, bit, Level::High)[0]
 }

@@ -78,6 +78,9 @@ pub struct ImageOptions {
     /// Character format: data bits, parity, stop bits [default: 8N1]
     #[arg(long, value_enum, ignore_case = true)]
     format: Option<Format>,
+    /// CPU clock in Hz of a board with another crystal, 8000000..=20000000 [default: 16000000]
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(8_000_000..=20_000_000))]
+    clock: Option<u32>,
 }
 
 impl From<&ImageOptions> for Options {
@@ -87,6 +90,7 @@ impl From<&ImageOptions> for Options {
             count: given.count,
             baud: given.baud,
             format: given.format,
+            clock: given.clock,
         }
     }
 }
@@ -199,6 +203,10 @@ mod tests {
             (
                 &["build", "nano", "registers", "--count", "129"],
                 ["'129'", "--count", "1..=128"],
+            ),
+            (
+                &["build", "nano", "registers", "--clock", "1000000"],
+                ["'1000000'", "--clock", "8000000..=20000000"],
             ),
             (
                 &["build", "nano", "blink"],

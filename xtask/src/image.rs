@@ -16,7 +16,7 @@ pub enum Board {
 }
 
 impl Board {
-    /// CPU clock of the board in Hz, from which its baud rates are divided.
+    /// CPU clock of the board in Hz, if not built otherwise: baud rates are divided from it.
     const fn clock_hz(self) -> u32 {
         match self {
             Self::Nano => 16_000_000,
@@ -90,6 +90,8 @@ pub struct Options {
     pub baud: Option<u32>,
     /// Character format.
     pub format: Option<Format>,
+    /// CPU clock in Hz, for boards with another crystal.
+    pub clock: Option<u32>,
 }
 
 /// One image that can be built: checked, so that the build cannot be asked for nonsense.
@@ -129,8 +131,9 @@ impl Image {
                 word(app)
             )));
         }
-        if let Some(baud) = options.baud {
-            check_baud(board, baud)?;
+        if options.baud.is_some() || options.clock.is_some() {
+            let clock_hz = options.clock.unwrap_or(board.clock_hz());
+            check_baud(clock_hz, options.baud.unwrap_or(DEFAULT_BAUD))?;
         }
         if let Some(format) = options.format {
             check_rtu_format(format)?;
@@ -148,7 +151,7 @@ impl Image {
     }
 
     /// File name without extension: board, application, then the options that were given, in the
-    /// order unit, count, baud, format.
+    /// order unit, count, baud, format, clock.
     pub fn stem(&self) -> String {
         let mut stem = format!("{}-{}", word(self.board), word(self.app));
         for (name, value) in self.given() {
@@ -166,7 +169,7 @@ impl Image {
     /// with nothing for an option that was not given.
     pub fn environment(&self) -> Vec<(String, Option<String>)> {
         let given = self.given();
-        ["unit", "count", "baud", "format"]
+        ["unit", "count", "baud", "format", "clock"]
             .into_iter()
             .map(|name| {
                 let value = given
@@ -184,12 +187,14 @@ impl Image {
             count,
             baud,
             format,
+            clock,
         } = self.options;
         [
             ("unit", unit.map(|n| n.to_string())),
             ("count", count.map(|n| n.to_string())),
             ("baud", baud.map(|n| n.to_string())),
             ("format", format.map(word)),
+            ("clock", clock.map(|n| n.to_string())),
         ]
         .into_iter()
         .filter_map(|(name, value)| Some((name, value?)))
@@ -200,7 +205,10 @@ impl Image {
 /// The rates at which the line's timing is right on every board and at every clock.
 const BAUD_RANGE: std::ops::RangeInclusive<u32> = 2_400..=1_000_000;
 
-fn check_baud(board: Board, baud: u32) -> Result<(), Error> {
+/// What the applications are built for if nothing else is asked for.
+const DEFAULT_BAUD: u32 = 38_400;
+
+fn check_baud(clock_hz: u32, baud: u32) -> Result<(), Error> {
     if !BAUD_RANGE.contains(&baud) {
         return Err(Error::usage(format!(
             "--baud {baud}: must be {}..={}",
@@ -208,13 +216,11 @@ fn check_baud(board: Board, baud: u32) -> Result<(), Error> {
             BAUD_RANGE.end()
         )));
     }
-    match baud::divisor(board.clock_hz(), baud) {
+    match baud::divisor(clock_hz, baud) {
         Ok(_) => Ok(()),
         Err(refused) => Err(Error::usage(format!(
-            "--baud {baud}: the {} MHz clock of the {} cannot make it within 2.5 %; \
-             the nearest rate it makes is {}",
-            board.clock_hz() / 1_000_000,
-            word(board),
+            "--baud {baud}: a clock of {clock_hz} Hz cannot make it within 2.5 %; the nearest rate \
+             it makes is {}",
             refused.nearest
         ))),
     }
@@ -286,6 +292,7 @@ mod tests {
                 ("MULTIDROP_COUNT".to_owned(), None),
                 ("MULTIDROP_BAUD".to_owned(), Some("9600".to_owned())),
                 ("MULTIDROP_FORMAT".to_owned(), None),
+                ("MULTIDROP_CLOCK".to_owned(), None),
             ]
         );
     }
@@ -312,6 +319,25 @@ mod tests {
             assert!(text.contains("2400..=1000000"), "{text}");
         }
         assert!(with(2_400).is_ok() && with(1_000_000).is_ok());
+    }
+
+    #[test]
+    fn the_baud_is_checked_against_the_clock_asked_for() {
+        let with = |clock, baud| {
+            let options = Options {
+                baud,
+                clock: Some(clock),
+                ..Options::default()
+            };
+            nano(App::Registers, options)
+        };
+        let exact = with(11_059_200, Some(921_600));
+        assert!(refusal(exact).contains("11059200 Hz"), "1/12 of the clock");
+        let image = with(11_059_200, Some(115_200)).unwrap();
+        assert_eq!(image.stem(), "nano-registers-baud115200-clock11059200");
+        // 8 MHz / 16 / 4 is 8.5 % off 115200, and 8 MHz / 8 / 9 is 3.5 % off.
+        assert!(refusal(with(8_000_000, Some(115_200))).contains("111111"));
+        assert!(with(8_000_000, None).is_ok());
     }
 
     #[test]

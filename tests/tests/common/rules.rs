@@ -1,0 +1,79 @@
+//! What holds on the bus at all times, whatever is asked.
+
+use multidrop_bus::{Bus, Line, NodeId, Station, Time, WireByte};
+
+/// How long DE may stay up after the last stop bit.
+pub const DE_LAG: Time = Time::from_us(10);
+
+/// Checks the record, which must begin and end in silence:
+/// - no two drivers ever disagreed;
+/// - a node drives for answers alone: DE up at most one character before the first start bit, no
+///   idle time between characters, DE down within 10 us of the last stop bit and never before its
+///   end (SER 2.5.1.1 and the half-duplex rules of SER 3.2);
+/// - no answer begins before t3.5 after the last character of anyone else, or while one is sent.
+pub fn assert_bus_rules(bus: &Bus, line: Line) {
+    let record = bus.record();
+    assert_eq!(record.conflicts(), [], "\n{record}");
+    for (id, node) in bus.nodes() {
+        assert_eq!(node.bad_opcodes(), 0, "{} ran wild", node.name());
+        let broken = |what: &str| panic!("{}: {what}\n{record}", node.name());
+        let mut sent: Vec<_> = record.sent_by(Station::Node(id)).collect();
+        for (on, off) in driven(bus, id) {
+            let rest = sent.split_off(sent.partition_point(|byte| byte.start < off));
+            let answer = std::mem::replace(&mut sent, rest);
+            let (Some(first), Some(last)) = (answer.first(), answer.last()) else {
+                return broken("drove without a character");
+            };
+            if first.start < on {
+                broken("a character before DE");
+            }
+            if first.start - on > line.character() {
+                broken("DE up too early");
+            }
+            if off < last.end {
+                broken("DE down too early");
+            }
+            if off - last.end > DE_LAG {
+                broken("DE down too late");
+            }
+            if answer.windows(2).any(|pair| pair[0].end != pair[1].start) {
+                broken("idle time between characters");
+            }
+            if !answer.iter().all(|byte| byte.is_good()) {
+                broken("a damaged character");
+            }
+            let others = |byte: &&WireByte| byte.from != Station::Node(id) && byte.start < off;
+            let heard = record.bytes().iter().filter(others);
+            if heard
+                .map(|byte| byte.end + line.t35())
+                .any(|end| end > first.start)
+            {
+                broken("an answer before t3.5");
+            }
+        }
+        if !sent.is_empty() {
+            broken("a character without DE");
+        }
+    }
+}
+
+/// When a node's driver was on, from and to.
+fn driven(bus: &Bus, id: NodeId) -> Vec<(Time, Time)> {
+    let record = bus.record();
+    let edges: Vec<_> = record
+        .de_edges()
+        .iter()
+        .filter(|edge| edge.node == id)
+        .collect();
+    assert!(
+        edges.len().is_multiple_of(2),
+        "DE is up at the end\n{record}"
+    );
+    edges
+        .chunks(2)
+        .map(|pair| {
+            assert!(pair[0].on && !pair[1].on, "\n{record}");
+            (pair[0].time, pair[1].time)
+        })
+        .collect()
+}

@@ -54,6 +54,8 @@ pub(crate) enum Event {
     End(Station),
     /// Noise begins (a level) or ends.
     Noise(Option<bool>),
+    /// The station stopped in the middle of what it did.
+    Cut(Station),
     /// Look again.
     Resolve,
 }
@@ -236,13 +238,8 @@ impl Bus {
     }
 
     fn interrupt(&mut self, id: NodeId, act: fn(&mut Node, Time)) {
-        let station = Station::Node(id);
         self.collect();
         act(&mut self.nodes[id.0], self.now);
-        // What the node had announced does not come any more.
-        self.queue.retain(|_, event| !event.is_from(station));
-        self.wire.cut(station, self.now, &mut self.record);
-        self.schedule(self.now, Event::Data(station, true));
         self.collect();
         self.refresh(id.0);
     }
@@ -263,6 +260,7 @@ impl Bus {
 
     /// Runs to an instant.
     pub fn run_to(&mut self, deadline: Time) {
+        self.look_again();
         while self.step(deadline) {}
         self.settle();
     }
@@ -275,6 +273,7 @@ impl Bus {
         limit: impl Into<Time>,
     ) -> bool {
         let deadline = self.now.saturating_add(limit.into());
+        self.look_again();
         loop {
             if done(self) {
                 self.settle();
@@ -284,6 +283,13 @@ impl Bus {
                 self.settle();
                 return done(self);
             }
+        }
+    }
+
+    /// Nodes may have been given inputs from outside.
+    fn look_again(&mut self) {
+        for index in 0..self.nodes.len() {
+            self.refresh(index);
         }
     }
 
@@ -391,6 +397,11 @@ impl Bus {
                             value: frame.value,
                         },
                     );
+                }
+                OutputKind::Reset => {
+                    self.queue
+                        .retain(|(time, _), event| *time <= at || !event.is_from(station));
+                    self.schedule(at, Event::Cut(station));
                 }
                 OutputKind::Txd(level) => self.schedule(at, Event::Data(station, level)),
                 OutputKind::Pin(pin, level) => {
@@ -505,7 +516,7 @@ impl Event {
     fn is_from(&self, station: Station) -> bool {
         match self {
             Event::Data(from, _) | Event::Drive(from, _) => *from == station,
-            Event::Begin(from, _) | Event::End(from) => *from == station,
+            Event::Begin(from, _) | Event::End(from) | Event::Cut(from) => *from == station,
             Event::Noise(_) | Event::Resolve => false,
         }
     }

@@ -222,6 +222,13 @@ impl Node {
         }
         if self.core.next_timer() <= now {
             self.core.process_timers();
+            if self.core.cycle() < now {
+                // simavr's watchdog has reset the core and put its cycle count to zero.
+                self.core.set_cycle(now);
+                self.core.periph_mut().reset(now);
+                self.shadow = false;
+                self.running.clear();
+            }
         }
     }
 
@@ -243,7 +250,7 @@ impl Node {
         }
         if sleeping {
             let next = self.next_event();
-            if !self.core.interrupts_enabled() || next > limit {
+            if next > limit {
                 return false;
             }
             self.nap(next.max(now));

@@ -18,6 +18,8 @@ pub(crate) enum OutputKind {
     Frame(TxFrame),
     /// TXD as the port pin drives it, where the transmitter does not.
     Txd(bool),
+    /// A reset: what was announced for later does not come.
+    Reset,
     /// A watched pin.
     Pin(Pin, Level),
 }
@@ -67,6 +69,11 @@ impl Nano328 {
         self.usart.reset(at);
         self.timer.reset(at);
         self.gpio.reset(at);
+        self.txd = true;
+        self.outputs.push(Output {
+            at,
+            what: OutputKind::Reset,
+        });
         self.put_out_pins(at);
     }
 

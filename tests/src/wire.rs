@@ -103,12 +103,14 @@ impl Wire {
         }
     }
 
-    /// A station stopped in the middle of what it did.
-    pub fn cut(&mut self, station: Station, now: Time, record: &mut Record) {
+    fn cut(&mut self, station: Station, now: Time, record: &mut Record) {
         while let Some(index) = self.open.iter().position(|open| open.from == station) {
             let mut open = self.open.remove(index);
             open.truncated.get_or_insert(now);
             record.bytes.push(self.judge(&open));
+        }
+        if let Some(transceiver) = self.of(station) {
+            transceiver.data = true;
         }
     }
 
@@ -136,6 +138,7 @@ impl Wire {
                     record.bytes.push(self.judge(&open));
                 }
             }
+            Event::Cut(station) => self.cut(station, now, record),
             Event::Noise(level) => self.noise = level,
             Event::Resolve => {}
         }

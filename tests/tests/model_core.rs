@@ -3,7 +3,7 @@
 
 mod support;
 
-use multidrop_bus::{Level, Line, Time};
+use multidrop_bus::{Level, Line, Pin, Time};
 use support::{edges, one, rise};
 
 const LINE: Line = Line::n81(38_400);
@@ -145,4 +145,43 @@ fn the_pin_change_flag_sees_a_start_bit_with_its_interrupt_off() {
     // Cleared through `sbi`; RXD read as low.
     assert_eq!(edges(&bus, node, 1, Level::High).len(), 1);
     assert_eq!(edges(&bus, node, 2, Level::High), []);
+}
+
+#[test]
+fn a_pin_driven_from_outside_wakes_the_node_and_its_count_has_a_name() {
+    let (mut bus, node, _) = one("pins", &[], LINE);
+    bus.run_for(Time::from_ms(1));
+    for level in [true, false, true] {
+        bus.node_mut(node).set_input(Pin::D3, Some(level));
+        bus.run_for(Time::from_ms(1));
+    }
+    let count = bus
+        .node(node)
+        .symbol("count")
+        .expect("a variable of the program");
+    assert_eq!(bus.node(node).read(count.address), [3]);
+    // `lds` 2, `inc` 1, `sts` 2, `reti` 4 behind 4 of response.
+    let stats = bus.node(node).stats();
+    let vector = stats.vectors[5];
+    assert_eq!((vector.count, vector.min, vector.max), (3, 13, 13));
+    // 4 ms at 16 MHz; 3 times 4 of waking up, 13 of the handler and 3 of `rjmp` and `sleep`.
+    let start = 2 + 4 + 3 * 3 + 2 + 1 + 1;
+    assert_eq!(stats.awake, start + 3 * (4 + 13 + 3));
+    assert_eq!(stats.awake + stats.asleep, 64_000);
+    // One return address on the stack, one byte of variables.
+    assert_eq!(bus.node(node).stack_peak(), 2);
+    assert_eq!(bus.node(node).static_ram(), 1);
+    bus.node_mut(node).paint_stack();
+    assert_eq!(bus.node(node).stack_peak(), 0);
+    assert!(bus.node(node).symbol("counter").is_err());
+}
+
+#[test]
+fn a_watchdog_reset_floats_the_pins_and_time_goes_on() {
+    let (mut bus, node, _) = one("watchdog", &[], LINE);
+    bus.run_for(Time::from_ms(40));
+    let on: Vec<_> = bus.record().de_edges().iter().map(|edge| edge.on).collect();
+    assert_eq!(on, [true, false, true, false, true]);
+    // 640 000 cycles, and the rest of an instruction of two.
+    assert!((640_000..=640_001).contains(&bus.node(node).cycle()));
 }

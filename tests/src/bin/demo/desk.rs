@@ -180,7 +180,7 @@ impl Desk {
         self.run_for(wait)?;
         let mut answer = Vec::new();
         match port.read_to_end(&mut answer) {
-            Err(error) if error.kind() != ErrorKind::WouldBlock => return Err(error.into()),
+            Err(error) if error.kind() != ErrorKind::WouldBlock => Err(error.into()),
             _ => Ok(answer),
         }
     }

@@ -140,17 +140,17 @@ impl<'l, L: Line> Frame<'l, L> {
     ///
     /// # Cancellation
     /// Safe: the verdict stays with the line.
-    pub async fn settle(&mut self) -> bool {
-        self.line.settle().await
+    pub fn settle(&mut self) -> impl Future<Output = bool> {
+        self.line.settle()
     }
 
     /// Waits until the released answer is on the wire whole and DE is down; returns at once if nothing
-    /// was released or the frame is void. The buffer is the line's again afterwards.
+    /// was released or the frame is void.
     ///
     /// # Cancellation
-    /// The answer is cut off after the character in flight and DE goes down.
-    pub async fn sent(self) {
-        self.line.sent().await;
+    /// Safe. Dropping the frame itself cuts the answer off after the character in flight.
+    pub fn sent(&mut self) -> impl Future<Output = ()> {
+        self.line.sent()
     }
 }
 

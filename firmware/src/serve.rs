@@ -20,27 +20,27 @@ pub async fn serve<L: Line, M: DataModel>(
 ) -> ! {
     loop {
         let mut frame = port.requests.wait().await;
-        let len = frame.request_len();
-        let plan = model.with(|model| server.prepare(model, frame.adu(), len));
-        match plan {
-            Plan::Ignore => continue,
-            Plan::Answer { len } => frame.release(len),
-            Plan::Write { len: answer } if !M::WRITES_MAY_FAIL => {
-                if answer > 0 {
-                    frame.release(answer);
-                }
-                if frame.settle().await {
-                    // The answer may be on its way from the same buffer, which is only read here.
-                    let _ = model.with(|model| server.write(model, frame.bytes()));
-                }
+        let request_len = frame.request_len();
+        let plan = model.with(|model| server.prepare(model, frame.adu(), request_len));
+        let early = match plan {
+            Plan::Answer { len } => len,
+            Plan::Write { len } if !M::WRITES_MAY_FAIL => len,
+            _ => 0,
+        };
+        if early > 0 {
+            frame.release(early);
+        }
+        if matches!(plan, Plan::Write { .. } | Plan::Call) {
+            if !frame.settle().await {
+                continue;
             }
-            Plan::Write { .. } | Plan::Call => {
-                if !frame.settle().await {
-                    continue;
-                }
-                let answer = model.with(|model| server.commit(model, frame.adu(), len, plan));
-                if answer > 0 {
-                    frame.release(answer);
+            if !M::WRITES_MAY_FAIL && matches!(plan, Plan::Write { .. }) {
+                // The answer may be on its way from the same buffer, which is only read here.
+                let _ = model.with(|model| server.write(model, frame.bytes()));
+            } else {
+                let late = model.with(|model| server.commit(model, frame.adu(), request_len, plan));
+                if late > 0 {
+                    frame.release(late);
                 }
             }
         }

@@ -1,6 +1,6 @@
 ; Interrupt timing. TIMER1_COMPA goes off when TCNT1 has passed AT (timer clock = CPU clock).
 ; MODE 0: awake, in a row of nops. 1: asleep. 2: pending when sei comes, a mark two instructions
-; later. 3: sleep with SE = 0.
+; later. 3: sleep with SE = 0. 4: asleep with the I flag off and the receiver on.
 ; PB0 goes high with the first instruction of the handler, PB1 with that after sei or sleep.
 .include "defs.inc"
 .ifndef MODE
@@ -46,6 +46,13 @@ main:
     nop
 .endif
 .if MODE == 3
+    sleep
+    out PORTB_io, r21
+.endif
+.if MODE == 4
+    put UCSR0B, 0x90
+    ldi r16, 1
+    out SMCR_io, r16
     sleep
     out PORTB_io, r21
 .endif

@@ -1,7 +1,7 @@
 //! The one module with `unsafe` in it: simavr's instruction core behind a safe face.
 //!
 //! What is used of simavr: the instruction decoder, data and flash memory, its cycle timers and
-//! interrupt table for the peripherals that are *not* replaced (Timer0, Timer2, EEPROM, watchdog).
+//! interrupt table for the peripherals that are *not* replaced (Timer0, Timer2, watchdog).
 //! What is replaced: the run loop (see `node.rs`) and every register a [`Peripherals`] claims.
 //!
 //! # Time of a register access
@@ -15,12 +15,12 @@ use std::ffi::{c_int, c_void};
 use std::ptr::NonNull;
 
 use simavr_ffi::{
-    avr_cycle_timer_process, avr_eeprom_desc_t, avr_flashaddr_t, avr_init, avr_io_addr_t,
-    avr_ioctl, avr_irq_register_notify, avr_irq_t, avr_loadcode, avr_make_mcu_by_name, avr_reset,
-    avr_service_interrupts, avr_t, avr_terminate, bit_cb, cpu_Running, cpu_Sleeping,
+    avr_cycle_timer_process, avr_flashaddr_t, avr_init, avr_io_addr_t, avr_irq_register_notify,
+    avr_irq_t, avr_loadcode, avr_make_mcu_by_name, avr_reset, avr_service_interrupts, avr_t,
+    avr_terminate, bit_cb, cpu_Running, cpu_Sleeping,
 };
 
-use crate::elf::{EEPROM_BYTES, FLASH_BYTES};
+use crate::elf::FLASH_BYTES;
 
 // Exported by libsimavr, but declared in `sim_core.h`, which simavr-ffi leaves out of its
 // bindings. The signatures are those of that header.
@@ -39,8 +39,6 @@ const SREG_I: usize = 7;
 /// Addresses of the stack pointer in data memory.
 const SPL: usize = 0x5d;
 
-/// `AVR_IOCTL_DEF('e','e','g','p')` of `avr_eeprom.h`.
-const IOCTL_EEPROM_GET: u32 = u32::from_be_bytes(*b"eegp");
 /// Index of the invalid-opcode signal among simavr's core signals.
 const BAD_OPCODE: usize = 0;
 
@@ -54,8 +52,9 @@ pub(crate) trait Peripherals: 'static {
 
     /// The value of a register in cycle `at`.
     fn read(&mut self, address: u16, at: u64) -> u8;
-    /// A value written to a register at clock edge `at`.
-    fn write(&mut self, address: u16, value: u8, at: u64);
+    /// A value written to a register at clock edge `at`. Returns for how many cycles the CPU is
+    /// halted by that.
+    fn write(&mut self, address: u16, value: u8, at: u64) -> u64;
     /// The core met an opcode it does not know.
     fn bad_opcode(&mut self);
 }
@@ -316,41 +315,6 @@ impl<P: Peripherals> Core<P> {
     pub fn sp(&self) -> u16 {
         u16::from_le_bytes([self.data()[SPL], self.data()[SPL + 1]])
     }
-
-    fn eeprom_ptr(&self) -> Option<NonNull<u8>> {
-        let mut desc = avr_eeprom_desc_t {
-            ee: std::ptr::null_mut(),
-            offset: 0,
-            size: EEPROM_BYTES as u32,
-        };
-        // SAFETY: this ioctl takes a pointer to that structure and, with `ee` null, only stores
-        // the address of the EEPROM's bytes in it.
-        unsafe {
-            avr_ioctl(
-                self.avr(),
-                IOCTL_EEPROM_GET,
-                std::ptr::from_mut(&mut desc).cast(),
-            );
-        }
-        NonNull::new(desc.ee)
-    }
-
-    /// The EEPROM's bytes.
-    pub fn eeprom(&self) -> &[u8] {
-        self.eeprom_ptr().map_or(&[], |ptr| {
-            // SAFETY: simavr allocated EEPROM_BYTES bytes there, freed only on drop; nothing
-            // writes to them while `self` is borrowed.
-            unsafe { std::slice::from_raw_parts(ptr.as_ptr(), EEPROM_BYTES) }
-        })
-    }
-
-    /// The EEPROM's bytes.
-    pub fn eeprom_mut(&mut self) -> &mut [u8] {
-        self.eeprom_ptr().map_or(&mut [], |ptr| {
-            // SAFETY: as above, and `&mut self` makes the borrow unique.
-            unsafe { std::slice::from_raw_parts_mut(ptr.as_ptr(), EEPROM_BYTES) }
-        })
-    }
 }
 
 impl<P: Peripherals> Drop for Core<P> {
@@ -404,7 +368,7 @@ unsafe extern "C" fn on_write<P: Peripherals>(
     unsafe {
         let out = opcode_at(avr, (*avr).pc) & 0xf800 == 0xb800;
         let at = (*avr).cycle + if out { 1 } else { 2 };
-        (*param.cast::<P>()).write(address, value, at);
+        (*avr).cycle += (*param.cast::<P>()).write(address, value, at);
         *(*avr).data.add(usize::from(address)) = value;
         // The write may have changed what comes next: end the burst after this instruction.
         (*avr).run_cycle_count = 0;
@@ -424,7 +388,7 @@ unsafe extern "C" fn on_bit_write<P: Peripherals>(
         let address = IO_BASE + (opcode >> 3 & 0x1f);
         let at = (*avr).cycle + 2;
         if value != 0 {
-            (*param.cast::<P>()).write(address, 1 << bit, at);
+            (*avr).cycle += (*param.cast::<P>()).write(address, 1 << bit, at);
         }
         (*avr).run_cycle_count = 0;
     }

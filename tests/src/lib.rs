@@ -1,7 +1,7 @@
 //! A simulated RS-485 bus, cycle by cycle: ATmega328P nodes running the firmware images that are
 //! flashed, and hosts without firmware, on one half-duplex wire.
 //!
-//! The instruction core is simavr's; USART0, Timer1, the ports, interrupt timing and sleep are
+//! The instruction core is simavr's; USART0, Timer1, EEPROM, ports, interrupt timing and sleep are
 //! modelled after the data sheet (Microchip DS40002061B). Same inputs, same record: nothing depends
 //! on the machine's time or scheduling.
 //!
@@ -24,6 +24,7 @@
 //! ```
 
 mod bus;
+mod eeprom;
 mod elf;
 mod error;
 mod ffi;

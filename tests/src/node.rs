@@ -8,6 +8,7 @@
 
 use std::path::PathBuf;
 
+use crate::eeprom::Eeprom;
 use crate::elf::{DataSymbol, Image};
 use crate::error::BusError;
 use crate::ffi::{Core, DATA_BYTES};
@@ -114,9 +115,9 @@ impl Node {
         let image = Image::read(&config.elf)?;
         let mut pins = config.watch.clone();
         pins.extend(config.de);
-        let periph = Nano328::new(config.tx_phase, &pins);
-        let mut core = Core::new(periph, &image.flash, config.clock_hz).ok_or(BusError::NoCore)?;
-        core.eeprom_mut().copy_from_slice(&image.eeprom);
+        let eeprom = Eeprom::new(config.clock_hz, &image.eeprom);
+        let periph = Nano328::new(config.tx_phase, &pins, eeprom);
+        let core = Core::new(periph, &image.flash, config.clock_hz).ok_or(BusError::NoCore)?;
         let mut node = Node {
             clock: Clock::new(config.clock_hz, config.clock_ppm),
             config,
@@ -150,6 +151,7 @@ impl Node {
 
     pub(crate) fn power_cut(&mut self, now: Time) {
         self.settle(now);
+        self.core.periph_mut().eeprom.lose_power();
         self.restart(now, 0);
         self.powered = false;
     }
@@ -426,14 +428,15 @@ impl Node {
         &self.image.data_symbols
     }
 
-    /// The EEPROM's 1024 bytes. They survive reset and power cuts.
+    /// The EEPROM's 1024 bytes. They survive reset and power cuts, but for a byte that is being
+    /// written when the power goes.
     pub fn eeprom(&self) -> &[u8] {
-        self.core.eeprom()
+        &self.core.periph().eeprom.cells
     }
 
     /// The EEPROM's 1024 bytes.
     pub fn eeprom_mut(&mut self) -> &mut [u8] {
-        self.core.eeprom_mut()
+        &mut self.core.periph_mut().eeprom.cells
     }
 
     /// One past the last static variable (the linker's `_end`), or the start of SRAM.

@@ -1,5 +1,6 @@
-//! The registers that replace simavr's: USART0, Timer1 and the ports, and what they put out.
+//! The registers that replace simavr's: USART0, Timer1, EEPROM and the ports, and what they put out.
 
+use crate::eeprom::Eeprom;
 use crate::ffi::Peripherals;
 use crate::gpio::{Gpio, Level, Pin};
 use crate::timer1::Timer1;
@@ -36,6 +37,7 @@ pub(crate) struct Nano328 {
     pub usart: Usart,
     pub timer: Timer1,
     pub gpio: Gpio,
+    pub eeprom: Eeprom,
     watched: Vec<Watched>,
     txd: bool,
     outputs: Vec<Output>,
@@ -43,7 +45,7 @@ pub(crate) struct Nano328 {
 }
 
 impl Nano328 {
-    pub fn new(phase: TxPhase, pins: &[Pin]) -> Self {
+    pub fn new(phase: TxPhase, pins: &[Pin], eeprom: Eeprom) -> Self {
         let mut all = pins.to_vec();
         all.sort_unstable();
         all.dedup();
@@ -51,6 +53,7 @@ impl Nano328 {
             usart: Usart::new(phase),
             timer: Timer1::default(),
             gpio: Gpio::new(),
+            eeprom,
             watched: all
                 .into_iter()
                 .map(|pin| Watched {
@@ -69,6 +72,7 @@ impl Nano328 {
         self.usart.reset(at);
         self.timer.reset(at);
         self.gpio.reset(at);
+        self.eeprom.reset();
         self.txd = true;
         self.outputs.push(Output {
             at,
@@ -87,12 +91,14 @@ impl Nano328 {
             .next_event()
             .min(self.timer.next_event())
             .min(self.gpio.next_event())
+            .min(self.eeprom.next_event())
     }
 
     pub fn sync(&mut self, t: u64) {
         self.gpio.sync(t);
         self.timer.sync(t);
         self.usart.sync(t);
+        self.eeprom.sync(t);
     }
 
     /// The lowest vector asked for, which is the one with the highest priority (7.7).
@@ -101,6 +107,7 @@ impl Nano328 {
             .vector()
             .or_else(|| self.timer.vector())
             .or_else(|| self.usart.vector())
+            .or_else(|| self.eeprom.vector())
     }
 
     pub fn acknowledge(&mut self, vector: u8) {
@@ -148,6 +155,7 @@ impl Peripherals for Nano328 {
         0x36, 0x43, 0x6f, 0x80, 0x81, 0x82, 0x84, 0x85, 0x86, 0x87, 0x88, 0x89, 0x8a,
         0x8b, // T1
         0xc0, 0xc1, 0xc2, 0xc4, 0xc5, 0xc6, // USART0
+        0x3f, 0x40, 0x41, 0x42, // EEPROM
     ];
     const SINGLE_BIT: &'static [u16] = &[0x23, 0x26, 0x29, 0x36, 0x3b];
 
@@ -155,11 +163,12 @@ impl Peripherals for Nano328 {
         match address {
             0xc0..=0xc6 => self.usart.read(address, at),
             0x36 | 0x43 | 0x6f | 0x80..=0x8b => self.timer.read(address, at),
+            0x3f..=0x42 => self.eeprom.read(address, at),
             _ => self.gpio.read(address, at),
         }
     }
 
-    fn write(&mut self, address: u16, value: u8, at: u64) {
+    fn write(&mut self, address: u16, value: u8, at: u64) -> u64 {
         match address {
             0xc0..=0xc6 => {
                 if let Some(frame) = self.usart.write(address, value, at) {
@@ -170,11 +179,13 @@ impl Peripherals for Nano328 {
                 }
             }
             0x36 | 0x43 | 0x6f | 0x80..=0x8b => self.timer.write(address, value, at),
+            0x3f..=0x42 => return self.eeprom.write(address, value, at),
             _ => self.gpio.write(address, value, at),
         }
         if matches!(address, 0x23..=0x2b | 0xc1) {
             self.put_out_pins(at);
         }
+        0
     }
 
     fn bad_opcode(&mut self) {

@@ -53,6 +53,17 @@ fn sleep_without_its_enable_bit_does_nothing() {
 }
 
 #[test]
+fn without_the_i_flag_nothing_wakes_a_sleeping_node() {
+    let (mut bus, node, host) = one("interrupts", &[("MODE", 4)], LINE);
+    bus.run_for(Time::from_ms(1));
+    bus.host(host).send(&[0x55, 0xaa]);
+    bus.run_for(Time::from_ms(1));
+    assert!(bus.node(node).is_asleep());
+    assert_eq!(edges(&bus, node, 1, Level::High), []);
+    assert_eq!(bus.now(), Time::from_ms(2));
+}
+
+#[test]
 fn an_interrupt_is_measured_from_its_acceptance_to_the_end_of_reti() {
     let (bus, node) = interrupts(0);
     // 4 of response, `out` 1, `reti` 4.
@@ -184,4 +195,35 @@ fn a_watchdog_reset_floats_the_pins_and_time_goes_on() {
     assert_eq!(on, [true, false, true, false, true]);
     // 640 000 cycles, and the rest of an instruction of two.
     assert!((640_000..=640_001).contains(&bus.node(node).cycle()));
+}
+
+#[test]
+fn an_eeprom_write_takes_3_4_ms_and_halts_the_cpu_for_two_cycles() {
+    let (mut bus, node, _) = one("eeprom", &[], LINE);
+    bus.run_for(Time::from_ms(2));
+    // `rjmp` 2, 16 instructions of one cycle, two `sbi` 4: the write starts at 22, 2 of halt, `out`.
+    assert_eq!(rise(&bus, node, 0), 22 + 2 + 1);
+    assert_eq!(bus.node(node).eeprom()[0x123], 0xff);
+    bus.run_for(Time::from_ms(2));
+    // 3.4 ms are 54 400 cycles (table 8-1); 8 to wake up and respond, two `out`.
+    assert_eq!(rise(&bus, node, 1), 22 + 54_400 + 8 + 2);
+    assert_eq!(bus.node(node).eeprom()[0x123], 0x5a);
+    assert_eq!(bus.node(node).read(0x100), [0x5a]);
+}
+
+#[test]
+fn losing_power_in_an_eeprom_write_loses_the_byte_and_a_reset_does_not() {
+    for (cut, expected) in [(true, 0xff), (false, 0x5a)] {
+        let (mut bus, node, _) = one("eeprom", &[], LINE);
+        bus.node_mut(node).eeprom_mut()[0x123] = 0x77;
+        bus.run_for(Time::from_ms(2));
+        assert_eq!(bus.node(node).eeprom()[0x123], 0x77);
+        if cut {
+            bus.power_cut(node);
+        } else {
+            bus.reset(node);
+        }
+        bus.run_for(Time::from_ms(2));
+        assert_eq!(bus.node(node).eeprom()[0x123], expected);
+    }
 }

@@ -1,0 +1,132 @@
+//! The EEPROM as the data sheet describes it (ATmega328P, DS40002061B, 8.4 and 8.6).
+//!
+//! A byte is in place when its programming time is over. Losing power before that leaves the byte
+//! erased; a reset does not disturb it (8.4.2).
+
+use crate::elf::EEPROM_BYTES;
+
+// EECR, 8.6.3
+const EERIE: u8 = 1 << 3;
+const EEMPE: u8 = 1 << 2;
+const EEPE: u8 = 1 << 1;
+const EERE: u8 = 1 << 0;
+const EEPM: u8 = 3 << 4;
+
+/// Cycles in which EEPE must follow EEMPE.
+const MASTER_ENABLE: u64 = 4;
+/// Cycles the CPU is halted when a read or a write starts (8.4.1).
+const READ_HALT: u64 = 4;
+const WRITE_HALT: u64 = 2;
+
+#[derive(Debug)]
+pub(crate) struct Eeprom {
+    pub cells: Vec<u8>,
+    hz: u64,
+    address: u16,
+    data: u8,
+    /// EEPM and EERIE.
+    control: u8,
+    enabled_until: Option<u64>,
+    /// The write in progress: when it ends, where, what.
+    writing: Option<(u64, usize, u8)>,
+}
+
+impl Eeprom {
+    pub fn new(hz: u32, cells: &[u8]) -> Self {
+        Eeprom {
+            cells: cells.to_vec(),
+            hz: u64::from(hz),
+            address: 0,
+            data: 0,
+            control: 0,
+            enabled_until: None,
+            writing: None,
+        }
+    }
+
+    pub fn reset(&mut self) {
+        self.address = 0;
+        self.data = 0;
+        self.control = 0;
+        self.enabled_until = None;
+    }
+
+    pub fn lose_power(&mut self) {
+        if let Some((_, cell, _)) = self.writing.take() {
+            self.cells[cell] = 0xff;
+        }
+    }
+
+    pub fn sync(&mut self, t: u64) {
+        if let Some((end, cell, value)) = self.writing
+            && end <= t
+        {
+            self.cells[cell] = value;
+            self.writing = None;
+        }
+    }
+
+    pub fn next_event(&self) -> u64 {
+        self.writing.map_or(u64::MAX, |(end, ..)| end)
+    }
+
+    pub fn read(&mut self, address: u16, at: u64) -> u8 {
+        self.sync(at);
+        match address {
+            0x3f => {
+                let enabled = self.enabled_until.is_some_and(|until| at < until);
+                self.control
+                    | if enabled { EEMPE } else { 0 }
+                    | if self.writing.is_some() { EEPE } else { 0 }
+            }
+            0x40 => self.data,
+            0x41 => self.address as u8,
+            0x42 => (self.address >> 8) as u8,
+            _ => 0,
+        }
+    }
+
+    /// A write; returns for how many cycles the CPU is halted.
+    pub fn write(&mut self, address: u16, value: u8, at: u64) -> u64 {
+        self.sync(at);
+        match address {
+            0x3f => return self.command(value, at),
+            0x40 => self.data = value,
+            0x41 => self.address = self.address & 0xff00 | u16::from(value),
+            0x42 => self.address = self.address & 0xff | u16::from(value) << 8,
+            _ => {}
+        }
+        0
+    }
+
+    fn command(&mut self, value: u8, at: u64) -> u64 {
+        self.control = value & (EEPM | EERIE);
+        let cell = usize::from(self.address) % EEPROM_BYTES;
+        let enabled = self.enabled_until.take().is_some_and(|until| at <= until);
+        if value & EEPE != 0 && enabled && self.writing.is_none() {
+            // Table 8-1: erase and write in one, erase alone, write alone (which clears bits).
+            let (tenths_of_ms, result) = match value >> 4 & 3 {
+                1 => (18, 0xff),
+                2 => (18, self.cells[cell] & self.data),
+                _ => (34, self.data),
+            };
+            let end = at + self.hz * tenths_of_ms / 10_000;
+            self.writing = Some((end, cell, result));
+            return WRITE_HALT;
+        }
+        if value & EEMPE != 0 {
+            self.enabled_until = Some(at + MASTER_ENABLE);
+        }
+        // 8.6.3: no reading while a write is in progress.
+        if value & EERE != 0 && self.writing.is_none() {
+            self.data = self.cells[cell];
+            return READ_HALT;
+        }
+        0
+    }
+
+    /// EE READY (22) asks as long as nothing is being written.
+    pub fn vector(&self) -> Option<u8> {
+        (self.control & EERIE != 0 && self.writing.is_none()).then_some(22)
+    }
+}

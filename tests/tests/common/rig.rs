@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use multidrop_bus::{Answer, Bus, BusConfig, HostId, HostPort, Line, NodeId, Time, Tx};
+use multidrop_bus::{Answer, Bus, BusConfig, HostId, HostPort, Line, NodeId, Station, Time, Tx};
 
 use super::frames::{adu, data, words};
 use super::{LINE, assert_bus_rules, image, registers};
@@ -17,6 +17,8 @@ pub struct Rig {
     pub host: HostId,
     /// What all are set to.
     pub line: Line,
+    /// Characters that nodes sent in what was checked last.
+    pub answered: usize,
 }
 
 impl Rig {
@@ -36,6 +38,7 @@ impl Rig {
             nodes,
             host,
             line,
+            answered: 0,
         };
         rig.pause(Time::from_ms(20));
         rig
@@ -80,6 +83,10 @@ impl Rig {
     /// Holds what was recorded against the rules and forgets it.
     pub fn check(&mut self) {
         assert_bus_rules(&self.bus, self.line);
+        let bytes = self.bus.record().bytes().iter();
+        self.answered = bytes
+            .filter(|byte| matches!(byte.from, Station::Node(_)))
+            .count();
         self.bus.clear_record();
     }
 

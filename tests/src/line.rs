@@ -19,12 +19,9 @@ pub enum Parity {
 /// Data bits, parity and stop bits of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Format {
-    /// 5 to 9.
-    pub data_bits: u8,
-    /// The parity bit, if any.
-    pub parity: Parity,
-    /// 1 or 2.
-    pub stop_bits: u8,
+    pub(crate) data_bits: u8,
+    pub(crate) parity: Parity,
+    pub(crate) stop_bits: u8,
 }
 
 impl Format {
@@ -43,13 +40,33 @@ impl Format {
     /// Seven data bits, no parity, two stop bits.
     pub const N72: Format = Format::new(7, Parity::None, 2);
 
-    /// A format from its three parts.
+    /// A format from its three parts. Fewer than 5 or more than 9 data bits count as 5 and 9, and
+    /// so do stop bits outside 1 and 2.
     pub const fn new(data_bits: u8, parity: Parity, stop_bits: u8) -> Self {
         Format {
-            data_bits,
+            data_bits: match data_bits {
+                0..=4 => 5,
+                5..=9 => data_bits,
+                _ => 9,
+            },
             parity,
-            stop_bits,
+            stop_bits: if stop_bits < 2 { 1 } else { 2 },
         }
+    }
+
+    /// Data bits, 5 to 9.
+    pub const fn data_bits(self) -> u8 {
+        self.data_bits
+    }
+
+    /// The parity bit, if any.
+    pub const fn parity(self) -> Parity {
+        self.parity
+    }
+
+    /// Stop bits, 1 or 2.
+    pub const fn stop_bits(self) -> u8 {
+        self.stop_bits
     }
 
     /// Bits of one character, start and stop bits included.

@@ -24,7 +24,7 @@ fn shown_at(symbols: &[(&str, u32)], line: Line) -> u64 {
     bus.run_to(START);
     bus.host(host).send(&[0x5a]);
     bus.run_for(Time::from_ms(2));
-    let mask = (1u16 << line.format.data_bits) - 1;
+    let mask = (1u16 << line.format.data_bits()) - 1;
     assert_eq!(u16::from(received(&bus, node, 1)[0].1), 0x5a & mask);
     let toggles = edges(&bus, node, 0, Level::High);
     assert_eq!(toggles.len(), 1);

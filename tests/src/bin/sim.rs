@@ -157,9 +157,10 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
     if let Some(canned) = waiting {
         live.bus().host(injector).send(canned.frame());
     }
+    // A time too far away to be told is never.
     let end = arguments
         .seconds
-        .map(|seconds| Instant::now() + Duration::from_secs(seconds));
+        .and_then(|seconds| Instant::now().checked_add(Duration::from_secs(seconds)));
     let shown_at = live.bus().now() + Time::from_ms(100);
     live.run(|bus| {
         if waiting.is_some() && bus.now() >= shown_at {

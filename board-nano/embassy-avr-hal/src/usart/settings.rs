@@ -35,7 +35,7 @@ impl Settings {
     ///
     /// # Errors
     /// [`LineError::Baud`] for a rate that is off by more than 2.5 % or so slow that t3.5 exceeds the
-    /// 16 bits of the timer (below 1200 baud at 16 MHz).
+    /// 16 bits of the timer (below 1400 baud at 16 MHz).
     pub const fn new(config: &LineConfig, clock_hz: u32) -> Result<Self, LineError> {
         let tick_hz = clock_hz / PRESCALER;
         let (baud, format) = (config.baud, config.format);

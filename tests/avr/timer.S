@@ -11,9 +11,10 @@
     put TCNT1H, 0x12
     put TCCR1B, CS
     put TCNT1L, 0xf0
-    ; 16 cycles later the low byte reads 0x01 or so and TEMP must hold 0x13, although the counter
-    ; goes on.
-    .rept 14
+    ; TEMP gets another value; reading the low byte brings the counter's high byte into it, where it
+    ; stays although the counter goes on.
+    put OCR1BH, 0x77
+    .rept 11
     nop
     .endr
     lds r17, TCNT1L

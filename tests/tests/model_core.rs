@@ -128,7 +128,7 @@ fn the_prescaler_runs_free_from_reset() {
 fn timer_registers_temp_flags_and_blocked_match() {
     let (mut bus, node, _) = one("timer", &[], LINE);
     bus.run_for(Time::from_ms(1));
-    // TCNT1 = 0x12f0 is written at the end of a cycle; 14 nops and the second cycle of `lds`
+    // TCNT1 = 0x12f0 is written at the end of a cycle; 14 cycles and the second of `lds`
     // later it is 0x12f0 + 15 = 0x12ff. TEMP keeps 0x12 while the counter goes on (16.3).
     let [low, high, flags, cleared, blocked, matched, end] = bus.node(node).read(0x100);
     assert_eq!([low, high], [0xff, 0x12]);

@@ -107,6 +107,11 @@ fn an_unplugged_node_neither_drives_nor_hears() {
     assert!(transact(&mut bus).is_some());
     bus.unplug(node);
     assert_eq!(transact(&mut bus), None);
+    assert_eq!(bus.record().sent_by(Station::Node(node)).count(), 1);
+    bus.host(host).send(&[0]);
+    bus.run_for(Time::from_us(100));
+    assert!(!bus.wire_level() && bus.node(node).hears());
+    bus.run_for(Time::from_ms(1));
     bus.plug(node);
     assert_eq!(transact(&mut bus).map(|answer| answer.bytes), Some(vec![2]));
 }

@@ -46,8 +46,8 @@ const BAD_OPCODE: usize = 0;
 pub(crate) trait Peripherals: 'static {
     /// Data-memory addresses that are read and written through this.
     const REGISTERS: &'static [u16];
-    /// Of those, flag registers where `sbi` acts on one bit alone (DS40002061B, 7.x: "the SBI and
-    /// CBI instructions will only operate on the specified bit").
+    /// Of those, flag registers where `sbi` acts on one bit alone (DS40002061B, notes of the
+    /// register summary).
     const SINGLE_BIT: &'static [u16];
 
     /// The value of a register in cycle `at`.

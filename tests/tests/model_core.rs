@@ -134,7 +134,7 @@ fn timer_registers_temp_flags_and_blocked_match() {
     assert_eq!([low, high], [0xff, 0x12]);
     // OCF1A from 0x1305; OCF1B because both OCR1B and TCNT1 were 0 when the timer started.
     assert_eq!(flags, 0b110);
-    // `sbi TIFR1, 1` clears that flag alone (7.4).
+    // `sbi TIFR1, 1` clears that flag alone (notes of the register summary).
     assert_eq!(cleared, 0b100);
     // 16.7.2: the value just written to TCNT1 matches nothing; reached by counting it does.
     assert_eq!(blocked, 0);

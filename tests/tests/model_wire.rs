@@ -205,6 +205,18 @@ fn wrong_images_are_refused_by_name() {
         bus.add_nano(Nano::new("x", own)),
         Err(BusError::WrongMcu { .. })
     ));
+    // Bytes 18 and 36 of an ELF32 header are the machine and its family: ARM, and an ATtiny's core.
+    for (offset, value) in [(18, 40), (36, 25)] {
+        let image = assemble("echo", &[]);
+        let mut bytes = std::fs::read(&image).expect("an image");
+        bytes[offset] = value;
+        std::fs::write(&image, bytes).expect("an image");
+        let refused = bus.add_nano(Nano::new("x", image));
+        assert!(
+            matches!(refused, Err(BusError::WrongMcu { .. })),
+            "{offset}"
+        );
+    }
     let mut fast = Nano::new("x", assemble("echo", &[]));
     fast.clock_hz = 20_000_001;
     assert!(matches!(

@@ -252,8 +252,9 @@ impl Desk {
         };
         let mut shown = leds(self.live.bus());
         self.live.run(|bus| {
+            let stopped = stop.load(Ordering::Relaxed);
             let last = bus.record().bytes().last().map(|byte| byte.end);
-            if last.is_some_and(|end| bus.now() >= end + SETTLE) {
+            if last.is_some_and(|end| stopped || bus.now() >= end + SETTLE) {
                 for frame in take_frames(bus, line, tally) {
                     show::frame(&frame, line);
                 }
@@ -265,7 +266,7 @@ impl Desk {
                 }
                 shown = now;
             }
-            stop.load(Ordering::Relaxed)
+            stopped
         })?;
         Ok(())
     }

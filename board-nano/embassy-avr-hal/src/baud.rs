@@ -1,16 +1,16 @@
 //! Baud rate arithmetic of the USART: the divider nearest to a wanted rate and how far off it is.
 //!
 //! Pure arithmetic, usable at compile time and on any machine. Source: ATmega328P data sheet
-//! (DS40002061B) section 19.3.1, table 19-1: `baud = clock / (m * (UBRR + 1))` with `m` = 16, or 8
+//! (DS40002061B) section 20.3.1, table 20-1: `baud = clock / (m * (UBRR + 1))` with `m` = 16, or 8
 //! with `U2X`.
 
 /// The largest deviation from the wanted rate that is accepted, in parts per million: 2.5 %.
 ///
 /// 115200 baud from 16 MHz is 2.1 % off and in use everywhere; the receiver's own tolerance for ten
-/// bits is 3.8 % at normal and 4.4 % at double speed (DS40002061B table 19-2 and 19-3, maximum).
+/// bits is 3.8 % at normal and 4.4 % at double speed (DS40002061B tables 20-2 and 20-3, maximum).
 pub const MAX_ERROR_PPM: u32 = 25_000;
 
-/// The largest value of the 12-bit divider register UBRR0 (DS40002061B section 19.10.5).
+/// The largest value of the 12-bit divider register UBRR0 (DS40002061B section 20.11.5).
 const MAX_UBRR: u32 = 4095;
 
 /// Contents of UBRR0 and U2X0 for one baud rate.
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn usual_rates_at_16_mhz_are_those_of_the_data_sheet() {
-        // DS40002061B table 19-12.
+        // DS40002061B table 20-6.
         let expected = [
             (2_400, 416, false),
             (9_600, 103, false),

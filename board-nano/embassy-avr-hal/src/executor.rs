@@ -10,7 +10,7 @@ use core::arch::asm;
 
 use embassy_executor::{Spawner, raw};
 
-/// GPIOR0 (DS 8.6.3) is in reach of `sbi` and `sbic`: setting the flag is one instruction, in
+/// GPIOR0 (DS 8.6.6) is in reach of `sbi` and `sbic`: setting the flag is one instruction, in
 /// interrupts too.
 const WORK: *mut u8 = 0x3E as *mut u8;
 const WORK_BIT: u8 = 1 << 0;

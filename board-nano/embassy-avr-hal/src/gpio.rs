@@ -1,6 +1,6 @@
 //! Pins of ports B, C and D (DS 14), with the `embedded-hal` 1.0 traits, and whole ports as outputs.
 //!
-//! A pin is a type; changing it is one `sbi` or `cbi`, which no interrupt can split (DS 31).
+//! A pin is a type; changing it is one `sbi` or `cbi`, which no interrupt can split (DS, note to the register summary).
 
 use core::convert::Infallible;
 
@@ -114,7 +114,7 @@ impl<P: Pin> StatefulOutputPin for Output<P> {
 pub struct Input<P: Pin>(P);
 
 impl<P: Pin> Input<P> {
-    /// Takes the pin as input, floating or with its pull-up (20 to 50 kOhm, DS 28.2).
+    /// Takes the pin as input, floating or with its pull-up (20 to 50 kOhm, DS 29.2).
     pub fn new(pin: P, pull_up: bool) -> Self {
         clear(P::PIN + 1, P::MASK);
         if pull_up {

@@ -71,7 +71,7 @@ impl Hot {
     }
 }
 
-/// GPIOR1 (DS 8.6.2), within reach of `in` and `out`: not 0 if the next character needs more than to be
+/// GPIOR1 (DS 8.6.5), within reach of `in` and `out`: not 0 if the next character needs more than to be
 /// stored, because it begins a frame, comes out of turn, belongs to a damaged frame or does not fit.
 const ATTENTION: *mut u8 = 0x4A as *mut u8;
 
@@ -106,7 +106,7 @@ pub(super) unsafe fn on_character<DE: DriverEnable>() {
             "ldi r18, 4",
             "out 0x16, r18",
             "out 0x1B, r18",
-            // FE, DOR and UPE of UCSR0A, before UDR0 is read (DS 19.10.1); GPIOR1.
+            // FE, DOR and UPE of UCSR0A, before UDR0 is read (DS 20.11.1); GPIOR1.
             "lds r24, 0xC0",
             "andi r24, 0x1C",
             "in r25, 0x2A",

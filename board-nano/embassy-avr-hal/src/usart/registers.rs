@@ -1,4 +1,4 @@
-//! The registers of USART0 (DS 19.10) and the pin-change flag that stands in for a start-bit detector.
+//! The registers of USART0 (DS 20.11) and the pin-change flag that stands in for a start-bit detector.
 
 use multidrop_firmware::protocol::rtu::Flaws;
 

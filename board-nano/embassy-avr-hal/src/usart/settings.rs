@@ -7,7 +7,7 @@ use multidrop_firmware::protocol::timing;
 use crate::baud::divisor;
 use crate::timer1::PRESCALER;
 
-/// Bits of UCSR0A (DS 19.10.2).
+/// Bits of UCSR0A (DS 20.11.2).
 pub(crate) const U2X: u8 = 1 << 1;
 
 /// Everything about a line that depends on its configuration and the clock.
@@ -30,7 +30,7 @@ pub struct Settings {
 impl Settings {
     /// Settings for `config` at a CPU clock of `clock_hz` (8 to 20 MHz).
     ///
-    /// RXC is set in the middle of the first stop bit (DS 19.8.2); what is left of the character from
+    /// RXC is set in the middle of the first stop bit (DS 20.8.2); what is left of the character from
     /// there is added, rounded up, so that no interval is ever cut short.
     ///
     /// # Errors
@@ -73,7 +73,7 @@ impl Settings {
     }
 }
 
-/// Contents of UCSR0C (DS 19.10.4): parity in bits 5 and 4, stop bits in bit 3, data bits in 2 and 1.
+/// Contents of UCSR0C (DS 20.11.4): parity in bits 5 and 4, stop bits in bit 3, data bits in 2 and 1.
 const fn ucsrc(format: LineFormat) -> u8 {
     let parity = match format.parity() {
         Parity::None => 0b00,

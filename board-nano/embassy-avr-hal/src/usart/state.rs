@@ -179,7 +179,7 @@ impl<DE: DriverEnable> Wire for Driven<'_, DE> {
         unsafe { &*ADU.get() }
     }
 
-    /// The receiver is off meanwhile: a transceiver that hears itself would otherwise fill it (DS 19.8.7:
+    /// The receiver is off meanwhile: a transceiver that hears itself would otherwise fill it (DS 20.7.6:
     /// switching it off empties it).
     #[inline(always)]
     fn talk(&mut self, first: u8) {

@@ -10,6 +10,11 @@ use crate::timer1::PRESCALER;
 /// Bits of UCSR0A (DS 20.11.2).
 pub(crate) const U2X: u8 = 1 << 1;
 
+/// Ticks that pass at least between RXC and the reading of the timer in one interrupt (26 cycles), and
+/// between the alarm and the look at the start-bit detector in the other (45 cycles): 71 cycles make 8.9
+/// ticks, of which one is left for the timer's own resolution and one for good measure.
+const LATENCY: u32 = 6;
+
 /// Everything about a line that depends on its configuration and the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
@@ -30,8 +35,9 @@ pub struct Settings {
 impl Settings {
     /// Settings for `config` at a CPU clock of `clock_hz` (8 to 20 MHz).
     ///
-    /// RXC is set in the middle of the first stop bit (DS 20.8.2); what is left of the character from
-    /// there is added, rounded up, so that no interval is ever cut short.
+    /// RXC is set with sample 10 of the first stop bit, at double speed with sample 6 of 8 (DS 20.8.2), and
+    /// sample 1 is at most one sample late. The most that can be left of the character is added, rounded
+    /// up, and the least that the interrupts need is taken off: no interval is ever cut short.
     ///
     /// # Errors
     /// [`LineError::Baud`] for a rate that is off by more than 2.5 % or so slow that t3.5 exceeds the
@@ -48,11 +54,11 @@ impl Settings {
             }
         };
         let rest_of_stop = {
-            let half_bits = 2 * format.stop_bits() as u32 - 1;
-            (half_bits * tick_hz).div_ceil(2 * baud)
+            let sixteenths = 16 * (format.stop_bits() as u32 - 1) + 7;
+            (sixteenths * tick_hz).div_ceil(16 * baud)
         };
-        let t1_5 = rest_of_stop + timing::t1_5(format, baud, tick_hz);
-        let t3_5 = rest_of_stop + timing::t3_5(format, baud, tick_hz);
+        let t1_5 = rest_of_stop + timing::t1_5(format, baud, tick_hz) - LATENCY;
+        let t3_5 = rest_of_stop + timing::t3_5(format, baud, tick_hz) - LATENCY;
         let character = timing::character(format, baud, tick_hz);
         if t3_5 + character > u16::MAX as u32 {
             return Err(LineError::Baud { nearest: 2400 });

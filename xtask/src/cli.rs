@@ -41,12 +41,14 @@ pub enum Command {
     Test,
     /// Write an image to a board.
     Flash(FlashRequest),
-    /// Measure sizes, turnaround and loss-free baud.
-    #[command(hide = true)]
+    /// Measure sizes, turnaround, jitter, interrupts, sleep and limits on the simulated bus.
     Bench {
-        /// Write the table as JSON to this file too.
+        /// Write all figures as JSON to this file too.
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
+        /// Keep these figures: `test` fails where they change.
+        #[arg(long)]
+        record: bool,
     },
 }
 
@@ -185,7 +187,7 @@ mod tests {
         let text = unknown_command(&refusal(&["biuld"]));
         assert_eq!(
             text,
-            "error: there is no command 'biuld'; the commands are: setup, build, sim, demo, test, flash"
+            "error: there is no command 'biuld'; the commands are: setup, build, sim, demo, test, flash, bench"
         );
     }
 

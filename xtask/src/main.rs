@@ -4,6 +4,7 @@
 //! that has nothing else yet: [`setup`] brings the rest. It never links the simulator; `sim` and
 //! `demo` are programs of the tests crate which this one builds and becomes.
 
+mod bench;
 mod check;
 mod cli;
 mod demo;
@@ -48,8 +49,6 @@ fn run(command: Command) -> Result<(), Error> {
         Command::Demo { hold } => demo::run(hold),
         Command::Test => check::run(),
         Command::Flash(request) => flash::run(&request),
-        Command::Bench { .. } => Err(Error::usage(
-            "bench is not in this version; `cargo xtask build` prints the sizes",
-        )),
+        Command::Bench { json, record } => bench::run(json.as_deref(), record),
     }
 }

@@ -1,0 +1,81 @@
+//! What was measured: numbers under names that stay.
+
+use std::collections::BTreeMap;
+
+use multidrop_bus::Time;
+use serde::{Deserialize, Serialize};
+
+/// Figures of one image, by name. The unit is the end of the name.
+pub type Set = BTreeMap<String, f64>;
+
+/// Everything measured in one run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Figures {
+    /// What the images were compiled and linked with.
+    pub compiler: String,
+    /// The clock of the chip, in Hz.
+    pub clock_hz: u32,
+    /// By image.
+    pub images: BTreeMap<String, Set>,
+}
+
+impl Figures {
+    /// None yet.
+    pub fn new(compiler: &str) -> Self {
+        Figures {
+            compiler: compiler.to_owned(),
+            clock_hz: 16_000_000,
+            images: BTreeMap::new(),
+        }
+    }
+
+    /// One figure.
+    pub fn get(&self, image: &str, name: &str) -> Option<f64> {
+        self.images.get(image)?.get(name).copied()
+    }
+}
+
+/// The smallest and the largest of what was seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Range(Option<(f64, f64)>);
+
+impl Range {
+    /// Takes in one value.
+    pub fn add(&mut self, value: f64) {
+        let (min, max) = self.0.unwrap_or((value, value));
+        self.0 = Some((min.min(value), max.max(value)));
+    }
+
+    /// Takes in all of another range.
+    pub fn include(&mut self, other: Range) {
+        if let Some((min, max)) = other.0 {
+            self.add(min);
+            self.add(max);
+        }
+    }
+
+    /// Writes `NAME_min_UNIT` and `NAME_max_UNIT`, if anything was seen.
+    pub fn store(self, set: &mut Set, name: &str, unit: &str) {
+        if let Some((min, max)) = self.0 {
+            set.insert(format!("{name}_min_{unit}"), rounded(min));
+            set.insert(format!("{name}_max_{unit}"), rounded(max));
+        }
+    }
+
+    /// Largest less smallest.
+    pub fn width(self) -> f64 {
+        self.0.map_or(0.0, |(min, max)| max - min)
+    }
+}
+
+/// `a - b` in microseconds.
+pub fn us_between(a: Time, b: Time) -> f64 {
+    (a.ps() as i128 - b.ps() as i128) as f64 / 1e6
+}
+
+/// To a thousandth: a nanosecond where the unit is the microsecond.
+pub fn rounded(value: f64) -> f64 {
+    let value = (value * 1000.0).round() / 1000.0;
+    // Not "-0".
+    if value == 0.0 { 0.0 } else { value }
+}

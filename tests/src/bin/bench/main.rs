@@ -1,0 +1,135 @@
+//! `bench`: sizes and timing of the firmware as it is flashed, measured on the simulated bus.
+//!
+//! Everything is counted in simulated time from fixed seeds, so that two runs of one image give the
+//! same figures to the last digit, on any machine. That is why they can be kept in the repository and
+//! compared for equality.
+
+mod figures;
+mod goals;
+mod image;
+mod kept;
+mod limits;
+mod measure;
+mod power;
+mod readme;
+mod table;
+mod traffic;
+
+// What the tests ask and expect with: written without the firmware's code, and the same for both.
+#[allow(dead_code, reason = "the tests use more of it")]
+#[path = "../../../tests/common/frames.rs"]
+mod frames;
+#[path = "../../../tests/common/model.rs"]
+mod model;
+#[allow(dead_code, reason = "the tests use more of it")]
+#[path = "../../../tests/common/random.rs"]
+mod random;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use multidrop_bus::BusError;
+
+use figures::Figures;
+use image::{Image, Images};
+
+/// Sizes, turnaround, jitter and limits of the firmware, in simulated time.
+#[derive(Debug, Parser)]
+#[command(name = "bench")]
+struct Arguments {
+    /// A firmware image: application, items in each table, baud, flash, static RAM, path
+    #[arg(
+        long = "image",
+        value_name = "APP:COUNT:BAUD:FLASH:RAM:PATH",
+        required = true
+    )]
+    images: Vec<Image>,
+    /// What the images were compiled and linked with
+    #[arg(long, value_name = "TEXT")]
+    compiler: String,
+    /// Write all figures as JSON to this file too
+    #[arg(long, value_name = "PATH")]
+    json: Option<PathBuf>,
+    /// The file in which the figures are kept
+    #[arg(long, value_name = "PATH")]
+    kept: PathBuf,
+    /// The text in which a part of them is shown
+    #[arg(long, value_name = "PATH")]
+    readme: PathBuf,
+    /// Rewrite both
+    #[arg(long)]
+    record: bool,
+    /// Fail where a figure is not the kept one or a goal is missed, and count the checks
+    #[arg(long, conflicts_with = "record")]
+    check: bool,
+}
+
+/// Why there are no figures.
+#[derive(Debug, thiserror::Error)]
+enum Trouble {
+    #[error("{image}: {what}")]
+    Firmware { image: String, what: String },
+    #[error("no image {0}")]
+    NoImage(String),
+    #[error("{}: the lines {} and {} are not there, in this order", .0.display(), readme::BEGIN, readme::END)]
+    NoPlace(PathBuf),
+    #[error("{}: {source}", path.display())]
+    File {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error("{}: {source}", path.display())]
+    Json {
+        path: PathBuf,
+        source: serde_json::Error,
+    },
+    #[error(transparent)]
+    Bus(#[from] BusError),
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(trouble) => {
+            eprintln!("error: {trouble}");
+            ExitCode::from(1)
+        }
+    }
+}
+
+/// Whether all that was asked for is good.
+fn run(arguments: &Arguments) -> Result<bool, Trouble> {
+    let images = Images(&arguments.images);
+    let mut figures = Figures::new(&arguments.compiler);
+    measure::all(&images, &mut figures)?;
+    print!("{}", table::of(&figures));
+    let goals = goals::of(&figures);
+    println!("\nGoals");
+    for goal in &goals {
+        println!("{goal}");
+    }
+    if let Some(path) = &arguments.json {
+        kept::write(path, &figures)?;
+    }
+    if arguments.record {
+        let kept = kept::record(&arguments.kept, &figures)?;
+        readme::update(&arguments.readme, &kept, &figures)?;
+    }
+    if !arguments.check {
+        return Ok(true);
+    }
+    let mut checks: Vec<bool> = goals.iter().map(|goal| goal.is_met()).collect();
+    checks.extend(kept::compare(&arguments.kept, &figures)?);
+    let kept = kept::load(&arguments.kept)?;
+    checks.push(readme::check(&arguments.readme, &kept)?);
+    let failed = checks.iter().filter(|passed| !**passed).count();
+    // The words of Rust's own test harness, by which `cargo xtask test` counts.
+    println!(
+        "\ntest result: {}. {} passed; {failed} failed",
+        if failed == 0 { "ok" } else { "FAILED" },
+        checks.len() - failed
+    );
+    Ok(failed == 0)
+}

@@ -1,0 +1,187 @@
+//! The measurements that every image goes through, and the order of all of them.
+
+use std::collections::BTreeMap;
+use std::thread;
+
+use multidrop_bus::{Time, Tx, TxPhase};
+
+use crate::Trouble;
+use crate::figures::{Figures, Range, Set, rounded, us_between};
+use crate::image::{Image, Images};
+use crate::traffic::{Desk, Shape, mixed};
+use crate::{limits, power};
+
+/// Items in each table of the images that are measured.
+pub const COUNTS: [u8; 2] = [16, 128];
+/// The lines at which turnaround and the rest are measured.
+pub const BAUDS: [u32; 2] = [38_400, 115_200];
+/// Exchanges from which a range is taken.
+const EXCHANGES: usize = 200;
+/// Vector of the receive interrupt (DS40002061B, 12.1).
+const USART_RX: usize = 18;
+
+/// Measures everything. One thread for each image: they share nothing.
+pub fn all(images: &Images<'_>, figures: &mut Figures) -> Result<(), Trouble> {
+    let unit = images.app("demo-unit")?;
+    figures.images.insert(unit.name(), sizes(unit));
+    let measured = thread::scope(|scope| -> Result<Vec<(String, Set)>, Trouble> {
+        let mut lines = Vec::new();
+        let mut limits = Vec::new();
+        for count in COUNTS {
+            limits.push(scope.spawn(move || limits::loss_free_baud(images, count)));
+            for baud in BAUDS {
+                let image = images.registers(count, baud)?;
+                lines.push((image, scope.spawn(move || one(image))));
+            }
+        }
+        let mut free = BTreeMap::new();
+        for (count, thread) in COUNTS.into_iter().zip(limits) {
+            free.insert(count, thread.join().expect("no panic")?);
+        }
+        let mut sets = Vec::new();
+        for (image, thread) in lines {
+            let mut set = thread.join().expect("no panic")?;
+            set.insert("loss_free_baud".to_owned(), f64::from(free[&image.count]));
+            sets.push((image.name(), set));
+        }
+        Ok(sets)
+    })?;
+    figures.images.extend(measured);
+    Ok(())
+}
+
+fn sizes(image: &Image) -> Set {
+    Set::from([
+        ("flash_bytes".to_owned(), f64::from(image.flash)),
+        ("static_ram_bytes".to_owned(), f64::from(image.ram)),
+    ])
+}
+
+fn one(image: &Image) -> Result<Set, Trouble> {
+    let mut set = sizes(image);
+    set.insert("stack_peak_bytes".to_owned(), stack_peak(image)?);
+    turnaround(image, &mut set)?;
+    for (name, phase) in [
+        ("baud_tick", TxPhase::BaudTick),
+        ("bit_clock", TxPhase::BitClock),
+    ] {
+        let mut desk = Desk::new(image, |nano| nano.tx_phase = phase)?;
+        let range = exchanges(&mut desk, Shape::Read(1), &mut Range::default())?.turnaround;
+        range.store(&mut set, &format!("tx_{name}_turnaround_03x1"), "us");
+        let jitter = rounded(range.width());
+        set.insert(format!("tx_{name}_jitter_03x1_us"), jitter);
+    }
+    receive_interrupt(image, &mut set)?;
+    power::active_cycles(image, &mut set)?;
+    power::asleep(image, &mut set)?;
+    limits::longest_gap(image, &mut set)?;
+    limits::clock_error(image, &mut set)?;
+    Ok(set)
+}
+
+/// What a series of exchanges of one shape showed, in microseconds.
+#[derive(Default)]
+struct Series {
+    /// Beyond t3.5.
+    turnaround: Range,
+    de_lead: Range,
+    de_lag: Range,
+}
+
+fn exchanges(desk: &mut Desk, shape: Shape, gaps: &mut Range) -> Result<Series, Trouble> {
+    let mut series = Series::default();
+    let silence = desk.line().t35();
+    for _ in 0..EXCHANGES {
+        desk.idle();
+        let request = shape.request(desk.count, &mut desk.random);
+        let seen = desk.expect(&request)?;
+        let turnaround = us_between(seen.start, seen.request_end + silence);
+        series.turnaround.add(turnaround);
+        series.de_lead.add(us_between(seen.start, seen.de_up));
+        series.de_lag.add(us_between(seen.de_down, seen.end));
+        gaps.add(seen.longest_gap.us());
+    }
+    Ok(series)
+}
+
+/// Turnaround and jitter for each shape; DE and the gaps inside answers over all of them.
+fn turnaround(image: &Image, set: &mut Set) -> Result<(), Trouble> {
+    let mut desk = Desk::new(image, |_| {})?;
+    let mut all = Series::default();
+    let mut gaps = Range::default();
+    for shape in Shape::measured(image.count) {
+        let series = exchanges(&mut desk, shape, &mut gaps)?;
+        let name = shape.name();
+        series
+            .turnaround
+            .store(set, &format!("turnaround_{name}"), "us");
+        let jitter = rounded(series.turnaround.width());
+        set.insert(format!("jitter_{name}_us"), jitter);
+        all.de_lead.include(series.de_lead);
+        all.de_lag.include(series.de_lag);
+    }
+    all.de_lead.store(set, "de_lead", "us");
+    all.de_lag.store(set, "de_lag", "us");
+    gaps.store(set, "answer_gap", "us");
+    set.remove("answer_gap_min_us");
+    Ok(())
+}
+
+/// The deepest stack over boot, requests of all kinds, and characters that come too late or damaged.
+/// The largest of some seeds of what SRAM held before: a byte that is overwritten with what was there is not
+/// seen.
+fn stack_peak(image: &Image) -> Result<f64, Trouble> {
+    let mut peak = 0;
+    for seed in 1..=3 {
+        let mut desk = Desk::new(image, |nano| nano.seed = seed)?;
+        for _ in 0..60 {
+            desk.idle();
+            let request = mixed(desk.count, &mut desk.random);
+            desk.expect(&request)?;
+            // A late character arrives while the answer is being worked out: interrupts at depth.
+            let late = desk.line().t15() + Time::from_ps(desk.random.next() % 900_000_000);
+            let damaged = desk.random.one_in(2);
+            let last = Tx::byte(0x55).after(late);
+            let host = desk.bus.host(desk.host);
+            host.send_each(request.iter().map(|&byte| Tx::byte(byte)));
+            host.send_each([if damaged { last.bad_stop() } else { last }]);
+            desk.bus.run_for(Time::from_ms(100));
+        }
+        peak = peak.max(desk.bus.node(desk.node).stack_peak());
+    }
+    Ok(peak as f64)
+}
+
+/// Cycles of the receive interrupt, its response and its `reti` included, over mixed requests.
+fn receive_interrupt(image: &Image, set: &mut Set) -> Result<(), Trouble> {
+    let mut desk = Desk::new(image, |_| {})?;
+    let node = desk.node;
+    let mut seen: Vec<u64> = Vec::new();
+    for _ in 0..30 {
+        desk.idle();
+        let request = mixed(desk.count, &mut desk.random);
+        desk.bus.host(desk.host).send(&request);
+        desk.bus.node_mut(node).clear_stats();
+        let (mut count, mut total) = (0, 0);
+        desk.bus.run_until(
+            |bus| {
+                let now = bus.node(node).stats().vectors[USART_RX];
+                // Two executions between two looks count as two of their mean.
+                for _ in count..now.count {
+                    seen.push((now.total - total) / (now.count - count));
+                }
+                (count, total) = (now.count, now.total);
+                false
+            },
+            Time::from_ms(200),
+        );
+    }
+    seen.sort_unstable();
+    if let (Some(&min), Some(&max)) = (seen.first(), seen.last()) {
+        set.insert("rx_interrupt_min_cycles".to_owned(), min as f64);
+        let median = seen[seen.len() / 2];
+        set.insert("rx_interrupt_median_cycles".to_owned(), median as f64);
+        set.insert("rx_interrupt_max_cycles".to_owned(), max as f64);
+    }
+    Ok(())
+}

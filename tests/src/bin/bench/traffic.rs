@@ -1,0 +1,212 @@
+//! One node with its host, what is asked of it, and what an exchange looked like on the wire.
+
+use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Line, Nano, NodeId, Station, Time, Tx};
+
+use crate::Trouble;
+use crate::frames::{block, words};
+use crate::image::Image;
+use crate::model::Model;
+use crate::random::Random;
+
+/// The unit id of `registers`.
+const UNIT: u8 = 1;
+
+/// A request of a fixed shape, at random addresses and with random data where that is possible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// FC 03, so many registers.
+    Read(u16),
+    /// FC 06.
+    WriteOne,
+    /// FC 10, so many registers.
+    Write(u16),
+}
+
+impl Shape {
+    /// All whose turnaround is measured with `count` registers.
+    pub fn measured(count: u8) -> Vec<Shape> {
+        let all = [
+            Shape::Read(1),
+            Shape::Read(16),
+            Shape::WriteOne,
+            Shape::Write(16),
+            Shape::Read(125),
+            Shape::Write(123),
+        ];
+        let fits = |shape: &Shape| shape.registers() <= u16::from(count);
+        all.into_iter().filter(fits).collect()
+    }
+
+    fn registers(self) -> u16 {
+        match self {
+            Shape::Read(quantity) | Shape::Write(quantity) => quantity,
+            Shape::WriteOne => 1,
+        }
+    }
+
+    /// What it is called: function code and, after `x`, the number of registers.
+    pub fn name(self) -> String {
+        match self {
+            Shape::Read(quantity) => format!("03x{quantity}"),
+            Shape::WriteOne => "06".to_owned(),
+            Shape::Write(quantity) => format!("10x{quantity}"),
+        }
+    }
+
+    /// The request, to a unit with `count` registers.
+    pub fn request(self, count: u8, random: &mut Random) -> Vec<u8> {
+        let address = random.below(u16::from(count) - self.registers() + 1);
+        match self {
+            Shape::Read(quantity) => words(UNIT, 3, address, quantity),
+            Shape::WriteOne => words(UNIT, 6, address, random.next() as u16),
+            Shape::Write(quantity) => {
+                let data = random.bytes(2 * usize::from(quantity));
+                block(UNIT, 0x10, address, quantity, &data)
+            }
+        }
+    }
+}
+
+/// Any of the eight functions, short and as long as `count` and a frame allow, one in eleven refused.
+pub fn mixed(count: u8, random: &mut Random) -> Vec<u8> {
+    let count = u16::from(count);
+    let quantity = 1 + random.below(count);
+    let address = random.below(count - quantity + 1);
+    let longest = |limit: u16| limit.min(count);
+    match random.below(11) {
+        0 => words(UNIT, 1, address, quantity),
+        1 => words(UNIT, 2, address, quantity),
+        2 => words(UNIT, 3, address, 1),
+        3 => words(UNIT, 3, 0, longest(125)),
+        4 => words(UNIT, 4, 0, longest(125)),
+        5 => words(UNIT, 5, address, random.pick(&[0, 0xff00])),
+        6 => words(UNIT, 6, address, random.next() as u16),
+        7 => {
+            let data = random.bytes(usize::from(quantity.div_ceil(8)));
+            block(UNIT, 0x0f, address, quantity, &data)
+        }
+        8 => {
+            let quantity = longest(123);
+            let data = random.bytes(2 * usize::from(quantity));
+            block(UNIT, 0x10, 0, quantity, &data)
+        }
+        9 => words(UNIT, 3, count - quantity + 1, quantity),
+        _ => words(UNIT, 0x63, 0, 0),
+    }
+}
+
+/// An exchange as it was on the wire.
+#[derive(Clone, Copy, Debug)]
+pub struct Exchange {
+    /// The request's last stop bit ended.
+    pub request_end: Time,
+    /// The answer's first start bit began.
+    pub start: Time,
+    /// The answer's last stop bit ended.
+    pub end: Time,
+    /// DE went up.
+    pub de_up: Time,
+    /// DE went down.
+    pub de_down: Time,
+    /// Longest pause between two characters of the answer.
+    pub longest_gap: Time,
+}
+
+/// One node, one host, and a model of what the node must answer.
+pub struct Desk {
+    /// The bus.
+    pub bus: Bus,
+    /// The node.
+    pub node: NodeId,
+    /// The host.
+    pub host: HostId,
+    /// Items in each table of the node.
+    pub count: u8,
+    /// Where all chance comes from.
+    pub random: Random,
+    name: String,
+    line: Line,
+    model: Model,
+}
+
+impl Desk {
+    /// Boots a node that is a Nano as sold but for what `change` does.
+    pub fn new(image: &Image, change: impl FnOnce(&mut Nano)) -> Result<Self, Trouble> {
+        let mut bus = Bus::new(BusConfig::default());
+        let mut nano = Nano::new(image.name(), &image.path);
+        change(&mut nano);
+        let node = bus.add_nano(nano)?;
+        let host = bus.add_host(HostPort::new(image.line()));
+        bus.run_for(Time::from_ms(20));
+        Ok(Desk {
+            bus,
+            node,
+            host,
+            count: image.count,
+            random: Random(u64::from(image.baud) << 8 | u64::from(image.count)),
+            name: image.name(),
+            line: image.line(),
+            model: Model::new(UNIT, usize::from(image.count)),
+        })
+    }
+
+    /// Its line.
+    pub fn line(&self) -> Line {
+        self.line
+    }
+
+    /// Lets up to 2 ms pass: over a millisecond-long pattern of the timer and any phase of the bit clock.
+    pub fn idle(&mut self) {
+        let pause = Time::from_ps(self.random.next() % 2_000_000_000);
+        self.bus.run_for(pause);
+    }
+
+    /// Sends these bytes as fast as the line goes and gives the exchange, or nothing where the answer is not
+    /// the model's to the last bit.
+    pub fn ask(&mut self, request: &[u8]) -> Option<Exchange> {
+        self.ask_each(request.iter().map(|&byte| Tx::byte(byte)), request)
+    }
+
+    /// The same with the characters of `request` as described.
+    pub fn ask_each(
+        &mut self,
+        characters: impl IntoIterator<Item = Tx>,
+        request: &[u8],
+    ) -> Option<Exchange> {
+        let expected = self.model.answer(request);
+        self.bus.clear_record();
+        let host = self.bus.host(self.host);
+        host.take();
+        let request_end = host.send_each(characters);
+        self.bus.run_to(request_end);
+        let patience = self.line.t35() + Time::from_ms(5);
+        let answer = self.bus.transact(self.host, &[], patience);
+        let heard = answer.as_ref().map_or(&[][..], |answer| &answer.bytes);
+        if heard != expected || !answer.as_ref().is_none_or(|answer| answer.is_clean()) {
+            return None;
+        }
+        let record = self.bus.record();
+        let sent: Vec<_> = record.sent_by(Station::Node(self.node)).collect();
+        let gaps = sent
+            .windows(2)
+            .map(|pair| pair[1].start.saturating_sub(pair[0].end));
+        let de = |on| record.de_edges().iter().find(|edge| edge.on == on);
+        Some(Exchange {
+            request_end,
+            start: sent.first()?.start,
+            end: sent.last()?.end,
+            de_up: de(true)?.time,
+            de_down: de(false)?.time,
+            longest_gap: gaps.max().unwrap_or(Time::ZERO),
+        })
+    }
+
+    /// [`Desk::ask`] where a wrong answer is the firmware's fault.
+    pub fn expect(&mut self, request: &[u8]) -> Result<Exchange, Trouble> {
+        let exchange = self.ask(request);
+        exchange.ok_or_else(|| Trouble::Firmware {
+            image: self.name.clone(),
+            what: format!("a wrong answer to {request:02x?}\n{}", self.bus.record()),
+        })
+    }
+}

@@ -1,0 +1,109 @@
+//! `bench`: builds the yardstick images as they are flashed and measures them on the simulated bus.
+
+use crate::error::Error;
+use crate::firmware::Builder;
+use crate::image::{App, Board, Image, Options};
+use crate::needs::Purpose;
+use crate::sim::program;
+use crate::toolchain::Toolchain;
+use crate::{repo, setup, size};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Items in each table.
+const COUNTS: [u8; 2] = [16, 128];
+
+/// The two bauds that are measured in full, and all at which requests must not be lost.
+const BAUDS: [u32; 6] = [38_400, 57_600, 115_200, 250_000, 500_000, 1_000_000];
+
+/// Where the figures are kept, and where a part of them is shown, from the root of the repository.
+const KEPT: &str = "figures/nano.json";
+const README: &str = "README.md";
+
+/// Measures and prints the table.
+///
+/// # Errors
+/// [`Error::usage`] before anything is built, when something is missing; else what failed.
+pub fn run(json: Option<&Path>, record: bool) -> Result<(), Error> {
+    setup::require(&[Purpose::Firmware, Purpose::Simulator])?;
+    let mut bench = measured(&Builder::new()?)?;
+    if let Some(json) = json {
+        bench.arg("--json").arg(json);
+    }
+    if record {
+        bench.arg("--record");
+    }
+    repo::run(&mut bench)
+}
+
+/// The command that measures, fails where a figure is not the kept one or a goal is missed, and ends with
+/// the counts of these checks as Rust's test harness prints them.
+///
+/// # Errors
+/// When an image cannot be built.
+pub fn check(builder: &Builder) -> Result<Command, Error> {
+    let mut bench = measured(builder)?;
+    bench.arg("--check");
+    Ok(bench)
+}
+
+fn measured(builder: &Builder) -> Result<Command, Error> {
+    let mut bench = program("bench");
+    bench.arg("--compiler").arg(compiler(builder.toolchain()));
+    bench.arg("--kept").arg(near(KEPT));
+    bench.arg("--readme").arg(near(README));
+    for (name, image) in images()? {
+        let elf = builder.build(&image)?;
+        let size::Size { flash, ram } = size::of(&elf)?;
+        bench.arg("--image");
+        bench.arg(format!("{name}:{flash}:{ram}:{}", elf.display()));
+    }
+    Ok(bench)
+}
+
+/// A file of the repository as the caller would name it, because it is printed.
+fn near(path: &str) -> PathBuf {
+    match std::env::current_dir() {
+        Ok(folder) if folder == repo::root() => PathBuf::from(path),
+        _ => repo::root().join(path),
+    }
+}
+
+/// Each image with application, count and baud as `bench` wants to be told.
+fn images() -> Result<Vec<(String, Image)>, Error> {
+    let demo = Image::new(Board::Nano, App::DemoUnit, Options::default())?;
+    let mut images = vec![("demo-unit:1:38400".to_owned(), demo)];
+    for count in COUNTS {
+        for baud in BAUDS {
+            // What an application does by itself is not asked for: the images that others build too.
+            let options = Options {
+                count: (count != 16).then_some(count),
+                baud: (baud != 38_400).then_some(baud),
+                ..Options::default()
+            };
+            let image = Image::new(Board::Nano, App::Registers, options)?;
+            images.push((format!("registers:{count}:{baud}"), image));
+        }
+    }
+    Ok(images)
+}
+
+/// What decides over the machine code: compiler and code generator, and the C compiler whose library holds
+/// the arithmetic. Not where they come from.
+fn compiler(toolchain: &Toolchain) -> String {
+    let version = toolchain.version();
+    let field = |name: &str| {
+        version
+            .lines()
+            .find_map(|line| line.strip_prefix(name))
+            .unwrap_or("unknown")
+    };
+    let gcc = repo::output_of(Command::new("avr-gcc").arg("-dumpversion"));
+    format!(
+        "rustc {} ({:.9}), LLVM {}, avr-gcc {}",
+        field("release: "),
+        field("commit-hash: "),
+        field("LLVM version: "),
+        gcc.as_deref().unwrap_or("unknown"),
+    )
+}

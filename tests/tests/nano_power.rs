@@ -52,10 +52,9 @@ fn cut(rig: &mut Rig, node: NodeId, how: Cut) {
 
 /// Whether a node drives the bus, as far as is recorded.
 fn drives(rig: &Rig, node: NodeId) -> bool {
-    let edges = rig.bus.record().de_edges().iter();
+    let mut edges = rig.bus.record().de_edges().iter();
     edges
-        .filter(|edge| edge.node == node)
-        .next_back()
+        .rfind(|edge| edge.node == node)
         .is_some_and(|edge| edge.on)
 }
 

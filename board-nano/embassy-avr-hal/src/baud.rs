@@ -48,7 +48,12 @@ impl Divisor {
     }
 }
 
-/// A baud rate that the clock cannot make within [`MAX_ERROR_PPM`].
+/// Clock cycles in one bit at the least: a character of 10 bits then leaves 160 cycles for the receive
+/// interrupt, which takes 119. The USART alone would do twice that rate.
+pub const MIN_CYCLES_PER_BIT: u32 = 16;
+
+/// A baud rate that the clock cannot make within [`MAX_ERROR_PPM`], or that is faster than the CPU can
+/// follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BaudError {
     /// The rate that was asked for.
@@ -67,7 +72,8 @@ const MAX_BAUD: u32 = 2_500_000;
 /// where it comes closer.
 ///
 /// # Errors
-/// [`BaudError`] with the nearest rate if the result is more than 2.5 % off.
+/// [`BaudError`] with the nearest rate if the result is more than 2.5 % off, or faster than a sixteenth of
+/// the clock.
 pub const fn divisor(clock_hz: u32, baud: u32) -> Result<Divisor, BaudError> {
     if baud == 0 {
         return Err(BaudError {
@@ -83,6 +89,12 @@ pub const fn divisor(clock_hz: u32, baud: u32) -> Result<Divisor, BaudError> {
     } else {
         normal
     };
+    if best.cycles_per_bit() < MIN_CYCLES_PER_BIT {
+        return Err(BaudError {
+            baud,
+            nearest: clock_hz / MIN_CYCLES_PER_BIT,
+        });
+    }
     let made = best.cycles_per_bit() * wanted;
     if baud > MAX_BAUD || clock_hz.abs_diff(made) > made / (1_000_000 / MAX_ERROR_PPM) {
         return Err(BaudError {
@@ -153,7 +165,7 @@ mod tests {
             divisor(16_000_000, 3_000_000),
             Err(BaudError {
                 baud: 3_000_000,
-                nearest: 2_000_000
+                nearest: 1_000_000
             })
         );
         assert_eq!(divisor(16_000_000, 100).unwrap_err().nearest, 244);

@@ -88,6 +88,8 @@ enum Verdict {
     None,
     Pending,
     Stands,
+    /// As above, but it is too late for an answer: somebody has talked since.
+    Late,
     Void,
 }
 
@@ -141,12 +143,17 @@ impl LineMachine {
     }
 
     /// Begins to listen, at start or with new settings: to nothing before t3.5 of silence, since a frame may be half over. A
-    /// frame that was pending is void.
+    /// frame that was pending is void, and one that stands is no longer answered.
     pub fn reset<W: Wire>(&mut self, wire: &mut W) {
         self.flaws = Flaws::NONE;
-        if self.verdict == Verdict::Pending {
-            self.verdict = Verdict::Void;
-            wire.wake_user();
+        match self.verdict {
+            Verdict::Pending => {
+                self.verdict = Verdict::Void;
+                wire.wake_user();
+            }
+            // Who asked may not be on the line any more.
+            Verdict::Stands => self.verdict = Verdict::Late,
+            _ => {}
         }
         self.phase = Phase::Complete;
         wire.clear_start_bit();
@@ -180,6 +187,9 @@ impl LineMachine {
             }
             Phase::Silent | Phase::Sent => {
                 wire.restart();
+                if self.verdict == Verdict::Stands {
+                    self.verdict = Verdict::Late;
+                }
                 self.flaws = if self.buffer == Buffer::Free {
                     Flaws::NONE
                 } else {
@@ -304,7 +314,8 @@ impl LineMachine {
         }
     }
 
-    /// The transmitter has sent all it had, stop bit included. That is not the end if it was not given the next byte in time.
+    /// The transmitter has sent all it had, stop bit included. That is not the end if it was not given the next byte in time,
+    /// so a driver that has both to tell calls [`on_ready`](LineMachine::on_ready) first.
     #[inline(always)]
     pub fn on_sent<W: Wire>(&mut self, wire: &mut W) {
         if !self.transmission.is_over() {
@@ -352,7 +363,7 @@ impl LineMachine {
             self.silence_awaited = true;
             return None;
         }
-        Some(self.verdict == Verdict::Stands)
+        Some(self.verdict != Verdict::Void)
     }
 
     /// Whether an answer is on the wire.
@@ -368,7 +379,7 @@ impl LineMachine {
     }
 
     /// The first `len` bytes of the buffer are to be sent: at t3.5 if the frame stands then, at once if it does, and not at all
-    /// if it is void or somebody has begun to talk.
+    /// if it is void or somebody has talked since: whoever asked has given up by then, and might take it for another's.
     #[inline]
     pub fn release<W: Wire>(&mut self, wire: &mut W, len: u8) {
         match self.verdict {

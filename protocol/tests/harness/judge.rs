@@ -1,0 +1,246 @@
+//! Whether what a unit did is what the standard demands of the characters that were on the wire.
+
+use super::book::{Book, Outcome, framed, unframed};
+use super::bus::{Bus, Char, Settings, Talk};
+use super::unit::{Event, Unit};
+
+/// How a script makes judging easier or harder.
+pub struct Circumstances {
+    /// The most it takes a task to run.
+    pub latency: u64,
+    /// Edges on the wire that are no characters: they may cost frames.
+    pub glitches: bool,
+    /// Futures dropped or the line set up anew: answers may be missing or cut.
+    pub interference: bool,
+}
+
+/// What was seen, for counting.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Verdict {
+    pub good: usize,
+    pub bad: usize,
+    pub answered: usize,
+    pub executed: usize,
+}
+
+/// Characters with no silence of t3.5 between them.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// Index of the first.
+    pub first: usize,
+    pub end: u64,
+    bytes: Vec<u8>,
+    damaged: bool,
+}
+
+impl Run {
+    /// Unit id and PDU, if it is a good frame.
+    pub fn body(&self) -> Option<&[u8]> {
+        unframed(&self.bytes).filter(|_| !self.damaged)
+    }
+}
+
+/// The runs on the wire, as far as the unit was not talking itself. A character that begins in the very tick in which a
+/// silence is over is still within it. With `slack` both silences are longer by as much.
+pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], slack: u64) -> Vec<Run> {
+    let received = settings.character - settings.character / 20;
+    let mut runs: Vec<Run> = Vec::new();
+    let mut talks = talks.iter().peekable();
+    let mut talked = false;
+    for (index, char) in chars.iter().enumerate() {
+        while talks.next_if(|talk| talk.end <= char.start).is_some() {
+            talked = true;
+        }
+        if talks
+            .peek()
+            .is_some_and(|talk| char.start + received > talk.start)
+        {
+            continue;
+        }
+        let gap = runs.last().map(|run| char.start - run.end);
+        let begins = talked || gap.is_none_or(|gap| gap > settings.t3_5 + slack);
+        talked = false;
+        if begins {
+            runs.push(Run {
+                first: index,
+                end: 0,
+                bytes: Vec::new(),
+                damaged: false,
+            });
+        }
+        let run = runs.last_mut().unwrap();
+        if !begins && settings.strict && gap.is_some_and(|gap| gap > settings.t1_5 + slack) {
+            run.damaged = true;
+        }
+        run.damaged |= !char.flaws.is_empty();
+        run.bytes.push(char.byte);
+        run.end = char.start + settings.character;
+    }
+    runs
+}
+
+/// Judges all that has been, from a model as `book` says; leaves `book` as the model must be now.
+pub fn judge<const MAY_FAIL: bool>(
+    bus: &Bus,
+    unit: &Unit<MAY_FAIL>,
+    book: &mut Book,
+    circumstances: &Circumstances,
+) -> Verdict {
+    let settings = &bus.chip.settings;
+    for talk in &bus.chip.talks {
+        let time = talk.bytes.len() as u64 * settings.character;
+        if settings.ready_latency < settings.character {
+            assert_eq!(talk.end - talk.start, time, "idle between characters");
+        } else {
+            assert!(talk.end - talk.start >= time);
+        }
+    }
+    let prompt = 4 * circumstances.latency <= settings.character
+        && (settings.sees_start_bits || circumstances.latency == 0);
+    let verdict = if prompt && !circumstances.glitches && !circumstances.interference {
+        judge_exactly(bus, unit, book, circumstances.latency)
+    } else {
+        judge_what_was_done(bus, unit, book, circumstances)
+    };
+    assert!(unit.memory.is(book), "the model is not as it must be");
+    verdict
+}
+
+/// Tasks that are fast enough: everything is known.
+fn judge_exactly<const MAY_FAIL: bool>(
+    bus: &Bus,
+    unit: &Unit<MAY_FAIL>,
+    book: &mut Book,
+    latency: u64,
+) -> Verdict {
+    let settings = &bus.chip.settings;
+    let mut talks = bus.chip.talks.iter();
+    let mut executed = unit.events.iter().filter_map(|event| match event {
+        Event::Executed(request) => Some(*request),
+        _ => None,
+    });
+    let mut verdict = Verdict::default();
+    for run in runs(settings, &bus.chip.chars, &bus.chip.talks, 0) {
+        let Some(body) = run.body() else {
+            verdict.bad += 1;
+            continue;
+        };
+        verdict.good += 1;
+        let Outcome { answer, executes } = book.ask(body);
+        if executes {
+            verdict.executed += 1;
+            assert_eq!(
+                executed.next(),
+                Some(run.first),
+                "not executed: {body:02X?}"
+            );
+        }
+        let Some(answer) = answer else { continue };
+        verdict.answered += 1;
+        let talk = talks.next();
+        let talk = talk.unwrap_or_else(|| panic!("not answered: {body:02X?}"));
+        assert_eq!(talk.request, run.first, "answers something else");
+        assert_eq!(talk.bytes, framed(&answer), "wrong answer to {body:02X?}");
+        // Ready when the silence is over, unless something had to wait for that.
+        let waited =
+            !settings.strict || executes && (MAY_FAIL || !matches!(body[1], 5 | 6 | 15 | 16));
+        let late = if waited { 3 * latency } else { 0 };
+        let after = talk.start - run.end;
+        let due = settings.to_answer();
+        assert!(
+            (due..=due + late).contains(&after),
+            "answered after {after}, due after {due}"
+        );
+    }
+    assert_eq!(
+        talks.next().map(|talk| talk.request),
+        None,
+        "talked unasked"
+    );
+    assert_eq!(executed.next(), None, "executed unasked");
+    verdict
+}
+
+/// Frames may be lost; what was done must have been right to do.
+fn judge_what_was_done<const MAY_FAIL: bool>(
+    bus: &Bus,
+    unit: &Unit<MAY_FAIL>,
+    book: &mut Book,
+    circumstances: &Circumstances,
+) -> Verdict {
+    let settings = &bus.chip.settings;
+    let (chars, talks) = (&bus.chip.chars, &bus.chip.talks);
+    let received = settings.character - settings.character / 20;
+    let mut readings = vec![runs(settings, chars, talks, 0)];
+    if circumstances.glitches {
+        // After an edge the line waits for a character for so long that one that begins half a bit too late is over.
+        readings.push(runs(settings, chars, talks, settings.character / 20));
+    }
+    let mut verdict = Verdict::default();
+    let mut talks = talks.iter().peekable();
+    let mut current: Option<(usize, Outcome, Book)> = None;
+    let mut told_unexecuted = None;
+    for event in unit.events.iter().copied() {
+        match event {
+            Event::Damaged => {}
+            Event::Fetched(first) => {
+                assert_eq!(told_unexecuted, None, "told what it has not done");
+                let talk = talks.next_if(|talk| talk.request == first);
+                let found = readings.iter().flatten().filter(|run| run.first == first);
+                let mut good = found.filter_map(|run| Some((run, run.body()?)));
+                let fits = |body: &[u8]| {
+                    let answer = book.clone().ask(body).answer;
+                    talk.is_none_or(|talk| {
+                        answer.is_some_and(|it| framed(&it).starts_with(&talk.bytes))
+                    })
+                };
+                let fitting = good.clone().find(|(_, body)| fits(body));
+                let Some((run, body)) = fitting.or_else(|| good.next()) else {
+                    assert!(talk.is_none(), "answered a bad frame");
+                    // It seemed one at t1.5.
+                    current = None;
+                    verdict.bad += 1;
+                    continue;
+                };
+                verdict.good += 1;
+                let mut after = book.clone();
+                let outcome = after.ask(body);
+                if let Some(talk) = talk {
+                    let answer = outcome.answer.as_ref();
+                    let answer = framed(answer.unwrap_or_else(|| panic!("answered {body:02X?}")));
+                    if talk.cut {
+                        assert!(circumstances.interference && answer.starts_with(&talk.bytes));
+                    } else {
+                        assert_eq!(talk.bytes, answer, "wrong answer to {body:02X?}");
+                    }
+                    assert!(talk.start >= run.end + settings.t3_5, "too early");
+                    let between = chars.iter().map(|char| char.start + received);
+                    let stale = between
+                        .filter(|&at| at > run.end && at < talk.start)
+                        .count();
+                    assert_eq!(stale, 0, "answered after others have talked");
+                    verdict.answered += 1;
+                    if outcome.executes && !circumstances.interference {
+                        told_unexecuted = Some(first);
+                    }
+                }
+                current = Some((first, outcome, after));
+            }
+            Event::Executed(first) => {
+                let (fetched, outcome, after) = current.take().expect("executed unasked");
+                assert_eq!(fetched, first);
+                assert!(outcome.executes, "executed what it must not");
+                *book = after;
+                told_unexecuted = None;
+                verdict.executed += 1;
+            }
+        }
+    }
+    assert_eq!(told_unexecuted, None, "told what it has not done");
+    assert_eq!(
+        talks.next().map(|talk| talk.request),
+        None,
+        "talked unasked"
+    );
+    verdict
+}

@@ -1,0 +1,149 @@
+//! The model behind the server under test: banks of odd sizes at odd places, and functions of the application.
+
+use multidrop_protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
+use multidrop_protocol::exception::Exception;
+use multidrop_protocol::registers::{Bank, CoilBank};
+use multidrop_protocol::server::{ApplicationFunction, DataModel, Functions, Server};
+
+use super::book::{self, Book};
+
+/// Four banks. `MAY_FAIL` chooses which way a port takes with writes.
+#[derive(Clone, PartialEq)]
+pub struct Memory<const MAY_FAIL: bool> {
+    pub holding: Bank<{ book::HOLDING.1 }>,
+    pub input: Bank<{ book::INPUT.1 }>,
+    pub coils: CoilBank<{ book::COILS.1.div_ceil(8) }>,
+    pub discrete: CoilBank<{ book::DISCRETE.1.div_ceil(8) }>,
+}
+
+impl<const MAY_FAIL: bool> Memory<MAY_FAIL> {
+    /// With the contents of a [`Book`].
+    pub fn of(book: &Book) -> Self {
+        let mut memory = Memory {
+            holding: Bank::new(book::HOLDING.0),
+            input: Bank::new(book::INPUT.0),
+            coils: CoilBank::new(book::COILS.0, book::COILS.1 as u16),
+            discrete: CoilBank::new(book::DISCRETE.0, book::DISCRETE.1 as u16),
+        };
+        memory.holding.cells_mut().copy_from_slice(&book.holding);
+        memory.input.cells_mut().copy_from_slice(&book.input);
+        for (index, &on) in (0..).zip(&book.coils) {
+            assert!(memory.coils.set(book::COILS.0 + index, on));
+        }
+        for (index, &on) in (0..).zip(&book.discrete) {
+            assert!(memory.discrete.set(book::DISCRETE.0 + index, on));
+        }
+        memory
+    }
+
+    /// Whether the contents are those of a [`Book`].
+    pub fn is(&self, book: &Book) -> bool {
+        let coil = |index| self.coils.get(book::COILS.0 + index);
+        let discrete = |index| self.discrete.get(book::DISCRETE.0 + index);
+        self.holding.cells()[..] == book.holding
+            && self.input.cells()[..] == book.input
+            && (0..).zip(&book.coils).all(|(i, &on)| coil(i) == Some(on))
+            && (0..)
+                .zip(&book.discrete)
+                .all(|(i, &on)| discrete(i) == Some(on))
+    }
+}
+
+impl<const MAY_FAIL: bool> DataModel for Memory<MAY_FAIL> {
+    const WRITES_MAY_FAIL: bool = MAY_FAIL;
+
+    fn coils(&mut self, first: u16, out: CoilsOut<'_>) -> Result<(), Exception> {
+        self.coils.read(first, out)
+    }
+    fn discrete_inputs(&mut self, first: u16, out: CoilsOut<'_>) -> Result<(), Exception> {
+        self.discrete.read(first, out)
+    }
+    fn holding_registers(&mut self, first: u16, out: RegistersOut<'_>) -> Result<(), Exception> {
+        self.holding.read(first, out)
+    }
+    fn input_registers(&mut self, first: u16, out: RegistersOut<'_>) -> Result<(), Exception> {
+        self.input.read(first, out)
+    }
+    fn check_coils(&self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
+        self.coils.check(first, values)
+    }
+    fn check_registers(&self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
+        self.holding.check(first, values)
+    }
+    fn write_coils(&mut self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
+        self.coils.write(first, values)
+    }
+    fn write_registers(&mut self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
+        self.holding.write(first, values)
+    }
+}
+
+/// The functions that [`Book`] knows, and as default one that echoes.
+pub fn server<const MAY_FAIL: bool>() -> Server<Memory<MAY_FAIL>> {
+    let functions = Functions::standard()
+        .with_table(
+            const {
+                &[
+                    ApplicationFunction {
+                        code: book::REVERSE,
+                        broadcast: true,
+                        run: reverse,
+                    },
+                    ApplicationFunction {
+                        code: book::COUNT,
+                        broadcast: false,
+                        run: count,
+                    },
+                    ApplicationFunction {
+                        code: book::TOO_LONG,
+                        broadcast: false,
+                        run: |_, pdu, _| {
+                            pdu.fill(0xEE);
+                            Ok(254)
+                        },
+                    },
+                    ApplicationFunction {
+                        code: book::BUSY,
+                        broadcast: true,
+                        run: |_, pdu, _| {
+                            pdu.fill(0xEE);
+                            Err(Exception::ServerDeviceBusy)
+                        },
+                    },
+                    ApplicationFunction {
+                        code: book::MUTE,
+                        broadcast: false,
+                        run: |_, _, _| Ok(0),
+                    },
+                ]
+            },
+        )
+        .with_default(|_, _, len| Ok(len));
+    Server::new(book::UNIT, functions)
+}
+
+/// Answers the request's data in reverse order, and sets the first coil to whether there was any.
+fn reverse<const MAY_FAIL: bool>(
+    memory: &mut Memory<MAY_FAIL>,
+    pdu: &mut [u8],
+    len: usize,
+) -> Result<usize, Exception> {
+    pdu[1..len].reverse();
+    memory.coils.set(book::COILS.0, len > 1);
+    Ok(len)
+}
+
+/// Adds one to the first holding register and answers it; takes no data.
+fn count<const MAY_FAIL: bool>(
+    memory: &mut Memory<MAY_FAIL>,
+    pdu: &mut [u8],
+    len: usize,
+) -> Result<usize, Exception> {
+    if len != 1 {
+        return Err(Exception::IllegalDataValue);
+    }
+    let cell = &mut memory.holding.cells_mut()[0];
+    *cell = cell.wrapping_add(1);
+    pdu[1..3].copy_from_slice(&cell.to_be_bytes());
+    Ok(3)
+}

@@ -60,7 +60,7 @@ fn quantity_of_registers_read() {
 fn quantity_of_bits_read() {
     let (mut rig, _) = marked();
     let coil = |at: u16| 0xa5 >> (at % 8) & 1 == 1;
-    let input = |at: u16| at % 3 == 0;
+    let input = |at: u16| at.is_multiple_of(3);
     for (function, is_on) in [(1, coil as fn(u16) -> bool), (2, input)] {
         for (first, quantity) in
             (1..=COUNT)

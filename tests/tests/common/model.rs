@@ -81,7 +81,7 @@ impl Model {
                 let items = span(first, second)?;
                 let bytes = match function {
                     1 => packed(items.map(|at| self.coils[at])),
-                    2 => packed(items.map(|at| at % 3 == 0)),
+                    2 => packed(items.map(|at| at.is_multiple_of(3))),
                     3 => items
                         .flat_map(|at| self.registers[at].to_be_bytes())
                         .collect(),
@@ -123,7 +123,7 @@ impl Model {
 fn packed(bits: impl Iterator<Item = bool>) -> Vec<u8> {
     let mut bytes = Vec::new();
     for (index, bit) in bits.enumerate() {
-        if index % 8 == 0 {
+        if index.is_multiple_of(8) {
             bytes.push(0);
         }
         bytes[index / 8] |= u8::from(bit) << (index % 8);

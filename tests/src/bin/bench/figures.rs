@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use multidrop_bus::Time;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::{Value, json};
 
 /// Figures of one image, by name. The unit is the end of the name.
 pub type Set = BTreeMap<String, f64>;
@@ -16,6 +17,7 @@ pub struct Figures {
     /// The clock of the chip, in Hz.
     pub clock_hz: u32,
     /// By image.
+    #[serde(serialize_with = "whole_where_whole")]
     pub images: BTreeMap<String, Set>,
 }
 
@@ -33,6 +35,23 @@ impl Figures {
     pub fn get(&self, image: &str, name: &str) -> Option<f64> {
         self.images.get(image)?.get(name).copied()
     }
+}
+
+/// Bytes and cycles without a decimal point.
+fn whole_where_whole<S: Serializer>(
+    images: &BTreeMap<String, Set>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    let number = |value: f64| match value as i64 {
+        whole if whole as f64 == value => json!(whole),
+        _ => json!(value),
+    };
+    let shown = |set: &Set| -> BTreeMap<String, Value> {
+        set.iter()
+            .map(|(name, value)| (name.clone(), number(*value)))
+            .collect()
+    };
+    serializer.collect_map(images.iter().map(|(image, set)| (image, shown(set))))
 }
 
 /// The smallest and the largest of what was seen.

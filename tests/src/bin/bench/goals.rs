@@ -195,41 +195,112 @@ mod tests {
     use super::*;
     use crate::figures::Set;
 
-    fn figures(stack: [f64; 2]) -> Figures {
+    /// Figures that just reach every goal, and the same for each image.
+    fn reached() -> Figures {
+        let mut set = Set::from([
+            ("tx_bit_clock_turnaround_03x1_min_us".to_owned(), 0.0),
+            ("tx_bit_clock_turnaround_03x1_max_us".to_owned(), 120.0),
+            ("answer_gap_max_us".to_owned(), 0.0),
+            ("de_lead_min_us".to_owned(), 0.0),
+            ("de_lead_max_us".to_owned(), 86.8),
+            ("de_lag_min_us".to_owned(), 0.0),
+            ("de_lag_max_us".to_owned(), 10.0),
+            ("stack_peak_bytes".to_owned(), 300.0),
+            ("loss_free_baud".to_owned(), 500_000.0),
+            ("asleep_idle_percent".to_owned(), 99.001),
+        ]);
+        for shape in Shape::measured(128) {
+            let name = shape.name();
+            let short = ["03x1", "06"].contains(&name.as_str());
+            let latest = if short { 120.0 } else { 560.0 };
+            set.insert(format!("turnaround_{name}_min_us"), 0.0);
+            set.insert(format!("turnaround_{name}_max_us"), latest);
+            set.insert(format!("jitter_{name}_us"), 20.0);
+        }
         let mut figures = Figures::new("a compiler");
-        for (count, stack) in COUNTS.into_iter().zip(stack) {
-            let set = Set::from([("stack_peak_bytes".to_owned(), stack)]);
-            figures
-                .images
-                .insert(format!("registers-{count}@38400"), set);
+        for count in COUNTS {
+            for baud in BAUDS {
+                let image = format!("registers-{count}@{baud}");
+                figures.images.insert(image, set.clone());
+            }
         }
         figures
     }
 
-    fn stack_goal(stack: [f64; 2]) -> Goal {
-        let mut goals = of(&figures(stack));
-        let at = goals.iter().position(|goal| goal.what == "peak stack");
-        goals.remove(at.expect("a goal of that name"))
-    }
-
     #[test]
-    fn the_worst_image_decides_and_is_named() {
-        let reached = stack_goal([300.0, 299.0]);
-        assert!(reached.is_met());
-        assert_eq!(
-            reached.to_string(),
-            "  ok      peak stack: at most 300 bytes, is 300 (registers-16@38400)"
-        );
-        let missed = stack_goal([120.0, 301.0]);
-        assert!(!missed.is_met());
-        assert!(missed.to_string().contains("MISSED"), "{missed}");
-        assert!(missed.to_string().contains("is 301 (registers-128@38400)"));
+    fn each_figure_past_its_bound_misses_its_goal_and_no_other() {
+        assert!(of(&reached()).iter().all(Goal::is_met));
+        let wrong = [
+            (
+                "turnaround_03x1_max_us",
+                120.001,
+                "turnaround beyond t3.5 for 03x1 and 06",
+            ),
+            (
+                "turnaround_06_max_us",
+                120.001,
+                "turnaround beyond t3.5 for 03x1 and 06",
+            ),
+            (
+                "turnaround_03x125_max_us",
+                560.001,
+                "turnaround beyond t3.5 for the longest frames",
+            ),
+            (
+                "turnaround_10x123_max_us",
+                560.001,
+                "turnaround beyond t3.5 for the longest frames",
+            ),
+            ("turnaround_10x16_min_us", -0.001, "never before t3.5"),
+            (
+                "tx_bit_clock_turnaround_03x1_min_us",
+                -0.001,
+                "never before t3.5",
+            ),
+            (
+                "tx_bit_clock_turnaround_03x1_max_us",
+                120.001,
+                "the same for 03x1 with a bit clock that runs free",
+            ),
+            ("jitter_03x16_us", 20.001, "jitter"),
+            ("answer_gap_max_us", 0.063, "gap between answer bytes"),
+            ("de_lead_min_us", -0.063, "DE up before the first start bit"),
+            (
+                "de_lead_max_us",
+                86.81,
+                "DE up before the first start bit, a character at 115200",
+            ),
+            (
+                "de_lag_min_us",
+                -0.063,
+                "DE up until the last stop bit has ended",
+            ),
+            ("de_lag_max_us", 10.001, "DE down after the last stop bit"),
+            ("stack_peak_bytes", 301.0, "peak stack"),
+            ("loss_free_baud", 250_000.0, "loss-free"),
+            ("asleep_idle_percent", 99.0, "asleep when idle"),
+        ];
+        for (name, value, what) in wrong {
+            for image in ["registers-16@115200", "registers-128@115200"] {
+                let mut figures = reached();
+                let set = figures.images.get_mut(image).expect("there");
+                set.insert(name.to_owned(), value);
+                let goals = of(&figures);
+                let missed: Vec<_> = goals.iter().filter(|goal| !goal.is_met()).collect();
+                assert_eq!(missed.len(), 1, "{name}");
+                assert_eq!(missed[0].what, what);
+                let text = missed[0].to_string();
+                assert!(text.starts_with("  MISSED"), "{text}");
+                assert!(text.ends_with(&format!("is {value} ({image})")), "{text}");
+            }
+        }
     }
 
     #[test]
     fn what_was_not_measured_is_not_reached() {
-        let goals = of(&figures([100.0, 100.0]));
-        assert_eq!(goals.iter().filter(|goal| goal.is_met()).count(), 1);
+        let goals = of(&Figures::new("a compiler"));
+        assert!(!goals.is_empty() && goals.iter().all(|goal| !goal.is_met()));
+        assert!(goals[0].to_string().ends_with("was not measured"));
     }
 
     #[test]

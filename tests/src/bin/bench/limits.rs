@@ -13,7 +13,7 @@ pub const BAUDS: [u32; 6] = [38_400, 57_600, 115_200, 250_000, 500_000, 1_000_00
 const REQUESTS: usize = 400;
 
 /// Requests at each clock error.
-const CLOCK_REQUESTS: usize = 40;
+const CLOCK_REQUESTS: usize = 100;
 /// How finely clock errors are told apart, first and then.
 const CLOCK_STEPS_PPM: [i32; 2] = [5_000, 1_000];
 /// Where the search ends: a UART samples a neighbouring bit long before.
@@ -44,8 +44,8 @@ fn answers_all(desk: &mut Desk, requests: usize) -> bool {
     })
 }
 
-/// How far the node's clock may be off before requests are lost, to either side: the smallest error at which
-/// one of 40 is. The host's clock is right.
+/// How far the node's clock may be off before requests are lost, to either side: the smallest error, in steps of
+/// 1000 ppm, at which one of 100 is. The host's clock is right.
 pub fn clock_error(image: &Image, set: &mut Set) -> Result<(), Trouble> {
     for (name, sign) in [("fast", 1), ("slow", -1)] {
         let mut good = 0;

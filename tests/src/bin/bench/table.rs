@@ -284,6 +284,7 @@ fn cell(figures: &Figures, image: &str, shown: &Shown) -> String {
     let one = |name: &str| figures.get(image, name).map(|value| value.to_string());
     let text = match shown {
         One(name) => one(name),
+        Range(min, max) if one(min) == one(max) => one(min),
         Range(min, max) => (|| Some(format!("{}..{}", one(min)?, one(max)?)))(),
         Three([min, middle, max]) => {
             (|| Some(format!("{}/{}/{}", one(min)?, one(middle)?, one(max)?)))()

@@ -19,13 +19,17 @@ pub const TOO_LONG: u8 = 0x43;
 pub const BUSY: u8 = 0x44;
 pub const MUTE: u8 = 0x45;
 
-/// The four tables.
+/// The tables.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Book {
     pub holding: Vec<u16>,
     pub input: Vec<u16>,
     pub coils: Vec<bool>,
-    pub discrete: Vec<bool>,
+}
+
+/// The discrete inputs, which never change.
+pub fn discrete_inputs() -> Vec<bool> {
+    (0..DISCRETE.1).map(|i| i % 3 == 0).collect()
 }
 
 /// What is to come of a request.
@@ -43,7 +47,6 @@ impl Book {
             holding: (0..HOLDING.1 as u16).map(|i| i * 259).collect(),
             input: (0..INPUT.1 as u16).map(|i| 0x1000 + i).collect(),
             coils: (0..COILS.1).map(|i| i % 5 == 0).collect(),
-            discrete: (0..DISCRETE.1).map(|i| i % 3 == 0).collect(),
         }
     }
 
@@ -79,8 +82,8 @@ impl Book {
                     return Err(3);
                 }
                 let (table, base) = match function {
-                    1 => (&self.coils, COILS.0),
-                    _ => (&self.discrete, DISCRETE.0),
+                    1 => (self.coils.clone(), COILS.0),
+                    _ => (discrete_inputs(), DISCRETE.0),
                 };
                 let bits = &table[place(table.len(), base, word(0), word(2))?];
                 let bytes = bits.chunks(8).map(|eight| {

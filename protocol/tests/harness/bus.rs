@@ -320,6 +320,7 @@ impl Chip {
         assert_eq!(self.lent, None, "stored while the buffer is lent");
         assert!(self.kept.is_none(), "stored over a frame");
         assert!(self.sending.is_none(), "stored over an answer");
+        assert!(self.stored < 256, "stored beyond the buffer");
         self.reception.push(&mut self.adu, byte);
         self.stored += 1;
     }
@@ -376,6 +377,8 @@ impl Wire for Chip {
         let to_stand = settings.t3_5 - settings.complete();
         let less_character = to_stand.saturating_sub(settings.character);
         let (from, ticks) = match interval {
+            // Judged at t3.5 itself: nothing is left to wait for.
+            Interval::ToStart => return false,
             Interval::ToStand => (self.compare, to_stand),
             Interval::ToStandLessCharacter => (self.compare, less_character),
             Interval::Character => (self.compare, settings.character),

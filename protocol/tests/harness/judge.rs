@@ -21,6 +21,8 @@ pub struct Verdict {
     pub bad: usize,
     pub answered: usize,
     pub executed: usize,
+    /// By how much the latest answer came later than it could.
+    pub latest: u64,
 }
 
 /// Characters with no silence of t3.5 between them.
@@ -151,6 +153,7 @@ fn judge_exactly<const MAY_FAIL: bool>(
             (due..=due + late).contains(&after),
             "answered after {after}, due after {due}"
         );
+        verdict.latest = verdict.latest.max(after - due);
     }
     assert_eq!(
         talks.next().map(|talk| talk.request),
@@ -220,6 +223,8 @@ fn judge_what_was_done<const MAY_FAIL: bool>(
                         .count();
                     assert_eq!(stale, 0, "answered after others have talked");
                     verdict.answered += 1;
+                    let due = run.end + settings.to_answer();
+                    verdict.latest = verdict.latest.max(talk.start.saturating_sub(due));
                     if outcome.executes && !circumstances.interference {
                         told_unexecuted = Some(first);
                     }

@@ -1,5 +1,7 @@
 //! The model behind the server under test: banks of odd sizes at odd places, and functions of the application.
 
+use std::sync::LazyLock;
+
 use multidrop_protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::registers::{Bank, CoilBank};
@@ -7,13 +9,23 @@ use multidrop_protocol::server::{ApplicationFunction, DataModel, Functions, Serv
 
 use super::book::{self, Book};
 
+type Discrete = CoilBank<{ book::DISCRETE.1.div_ceil(8) }>;
+
+static DISCRETE: LazyLock<Discrete> = LazyLock::new(|| {
+    let mut bank = Discrete::new(book::DISCRETE.0, book::DISCRETE.1 as u16);
+    for (index, on) in (0..).zip(book::discrete_inputs()) {
+        assert!(bank.set(book::DISCRETE.0 + index, on));
+    }
+    bank
+});
+
 /// Four banks. `MAY_FAIL` chooses which way a port takes with writes.
 #[derive(Clone, PartialEq)]
 pub struct Memory<const MAY_FAIL: bool> {
     pub holding: Bank<{ book::HOLDING.1 }>,
     pub input: Bank<{ book::INPUT.1 }>,
     pub coils: CoilBank<{ book::COILS.1.div_ceil(8) }>,
-    pub discrete: CoilBank<{ book::DISCRETE.1.div_ceil(8) }>,
+    pub discrete: Discrete,
 }
 
 impl<const MAY_FAIL: bool> Memory<MAY_FAIL> {
@@ -23,15 +35,12 @@ impl<const MAY_FAIL: bool> Memory<MAY_FAIL> {
             holding: Bank::new(book::HOLDING.0),
             input: Bank::new(book::INPUT.0),
             coils: CoilBank::new(book::COILS.0, book::COILS.1 as u16),
-            discrete: CoilBank::new(book::DISCRETE.0, book::DISCRETE.1 as u16),
+            discrete: DISCRETE.clone(),
         };
         memory.holding.cells_mut().copy_from_slice(&book.holding);
         memory.input.cells_mut().copy_from_slice(&book.input);
         for (index, &on) in (0..).zip(&book.coils) {
             assert!(memory.coils.set(book::COILS.0 + index, on));
-        }
-        for (index, &on) in (0..).zip(&book.discrete) {
-            assert!(memory.discrete.set(book::DISCRETE.0 + index, on));
         }
         memory
     }
@@ -39,13 +48,10 @@ impl<const MAY_FAIL: bool> Memory<MAY_FAIL> {
     /// Whether the contents are those of a [`Book`].
     pub fn is(&self, book: &Book) -> bool {
         let coil = |index| self.coils.get(book::COILS.0 + index);
-        let discrete = |index| self.discrete.get(book::DISCRETE.0 + index);
         self.holding.cells()[..] == book.holding
             && self.input.cells()[..] == book.input
             && (0..).zip(&book.coils).all(|(i, &on)| coil(i) == Some(on))
-            && (0..)
-                .zip(&book.discrete)
-                .all(|(i, &on)| discrete(i) == Some(on))
+            && self.discrete == *DISCRETE
     }
 }
 

@@ -8,10 +8,15 @@
 //! character later, unless the driver can see start bits ([`Wire::start_bit_seen`]). At t1.5 and at t3.5 the machine looks;
 //! if a character is under way it waits for it before it decides.
 //!
+//! A client may send its next request exactly t3.5 after another server's answer, by a clock that is not ours. A driver
+//! therefore has the frame judged a little before t3.5 ([`Interval::ToStart`]), so that such a request is not taken for a late
+//! part of the frame before; answers start at t3.5 all the same.
+//!
 //! | phase | a character | the alarm |
 //! |---|---|---|
 //! | a frame comes in | is stored | t1.5: the frame is complete, lent as provisional |
-//! | complete | voids the frame | t3.5: the frame stands; a released answer starts |
+//! | complete | voids the frame | t3.5, or a little before: the frame stands |
+//! | settled | begins a frame | t3.5: a released answer starts |
 //! | silent | begins a frame | - |
 //! | sending | - (the receiver is off) | - |
 //! | sent | begins a frame | t3.5: silent |
@@ -22,10 +27,12 @@ use crate::rtu::{Flaws, Heard, Transmission};
 /// An interval that the machine asks an alarm for. How many ticks it has depends on the line's settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interval {
-    /// From t1.5 to t3.5 of the same silence; nothing where a gap over t1.5 is allowed, since t3.5 completes a frame there.
+    /// From t1.5 to the moment, at t3.5 of the same silence or a little before, in which the frame is judged; nothing where a gap over t1.5 is allowed, since t3.5 completes a frame there.
     ToStand,
     /// The same, less one character that has been waited for already; at least nothing.
     ToStandLessCharacter,
+    /// From the moment in which the frame is judged, which may lie a little before t3.5, to t3.5; nothing if it does not.
+    ToStart,
     /// One character.
     Character,
     /// t3.5, from now.
@@ -76,6 +83,8 @@ enum Phase {
     Complete,
     /// As above, and a start bit was seen when the alarm went off.
     CompleteBegun,
+    /// The frame stands; t3.5 is near.
+    Settled,
     Silent,
     Sending,
     Sent,
@@ -185,10 +194,12 @@ impl LineMachine {
                     self.verdict = Verdict::Void;
                 }
             }
-            Phase::Silent | Phase::Sent => {
+            Phase::Settled | Phase::Silent | Phase::Sent => {
                 wire.restart();
-                if self.verdict == Verdict::Stands {
-                    self.verdict = Verdict::Late;
+                match self.verdict {
+                    Verdict::Stands => self.verdict = Verdict::Late,
+                    Verdict::Pending => self.withhold(wire),
+                    _ => {}
                 }
                 self.flaws = if self.buffer == Buffer::Free {
                     Flaws::NONE
@@ -213,6 +224,7 @@ impl LineMachine {
         match self.phase {
             Phase::Collecting | Phase::Begun => self.on_complete(wire),
             Phase::Complete | Phase::CompleteBegun => self.on_stand(wire),
+            Phase::Settled => self.on_start(wire),
             Phase::Sent => self.on_free(wire),
             Phase::Silent | Phase::Sending => wire.alarm_off(),
         }
@@ -258,7 +270,20 @@ impl LineMachine {
             wire.alarm(Interval::Character);
             return;
         }
-        if self.verdict == Verdict::Pending {
+        if self.verdict != Verdict::Pending {
+            return self.on_free(wire);
+        }
+        self.phase = Phase::Settled;
+        if !wire.alarm(Interval::ToStart) {
+            self.on_start(wire);
+        }
+    }
+
+    #[inline(always)]
+    fn on_start<W: Wire>(&mut self, wire: &mut W) {
+        if wire.start_bit_seen() {
+            self.withhold(wire);
+        } else {
             self.verdict = Verdict::Stands;
             if self.released > 0 {
                 self.start(wire);
@@ -270,6 +295,13 @@ impl LineMachine {
             }
         }
         self.on_free(wire);
+    }
+
+    /// The frame stands, but somebody talks already.
+    fn withhold<W: Wire>(&mut self, wire: &mut W) {
+        self.verdict = Verdict::Late;
+        self.released = 0;
+        wire.wake_user();
     }
 
     /// t3.5 has passed on the wire.

@@ -15,6 +15,9 @@ pub(crate) const U2X: u8 = 1 << 1;
 /// ticks, of which one is left for the timer's own resolution and one for good measure.
 const LATENCY: u32 = 6;
 
+/// A frame is judged this part of t3.5 before t3.5: 0.8 %, more than two crystals differ.
+const JUDGED_EARLY: u32 = 128;
+
 /// Everything about a line that depends on its configuration and the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
@@ -24,8 +27,10 @@ pub struct Settings {
     /// Ticks from the moment in which a character is taken from the USART to the end of the silence
     /// that completes a frame.
     pub(crate) to_complete: u16,
-    /// Ticks from there to t3.5; 0 where t3.5 is what completes a frame.
+    /// Ticks from there to the judgement; 0 where that is what completes a frame.
     pub(crate) to_stand: u16,
+    /// Ticks from there to t3.5.
+    pub(crate) to_start: u16,
     /// Ticks of one character.
     pub(crate) character: u16,
     /// Ticks of t3.5.
@@ -63,16 +68,18 @@ impl Settings {
         if t3_5 + character > u16::MAX as u32 {
             return Err(LineError::Baud { nearest: 2400 });
         }
+        let to_start = t3_5 / JUDGED_EARLY;
         let to_complete = match config.inter_character {
             InterCharacter::Strict => t1_5,
-            InterCharacter::Off => t3_5,
+            InterCharacter::Off => t3_5 - to_start,
         };
         Ok(Self {
             ubrr: divisor.ubrr,
             ucsra: if divisor.u2x { U2X } else { 0 },
             ucsrc: ucsrc(format),
             to_complete: to_complete as u16,
-            to_stand: (t3_5 - to_complete) as u16,
+            to_stand: (t3_5 - to_start - to_complete) as u16,
+            to_start: to_start as u16,
             character: character as u16,
             t3_5: t3_5 as u16,
         })

@@ -73,6 +73,7 @@ impl State {
                     ucsrc: 0,
                     to_complete: 0,
                     to_stand: 0,
+                    to_start: 0,
                     character: 0,
                     t3_5: 0,
                 },
@@ -141,6 +142,7 @@ impl<DE: DriverEnable> Wire for Driven<'_, DE> {
                 compare.read().bits(),
                 settings.to_stand.saturating_sub(settings.character),
             ),
+            Interval::ToStart => (compare.read().bits(), settings.to_start),
             Interval::Character => (compare.read().bits(), settings.character),
             Interval::T3_5 => (timer1::now(), settings.t3_5),
         };

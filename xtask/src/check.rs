@@ -6,7 +6,7 @@ use crate::image::{App, Board, Format, Image, Options};
 use crate::needs::Purpose;
 use crate::sim::Scenario;
 use crate::tally::{Counts, Tally};
-use crate::{python, repo, setup};
+use crate::{bench, python, repo, setup};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
@@ -57,7 +57,8 @@ fn run_all(tally: &mut Tally) {
     let mut host_lint = repo::cargo_in_root(&[&lint[..], &["--", "-D", "warnings"]].concat());
     check(tally, "clippy of the host's crates", &mut host_lint);
 
-    match Builder::new() {
+    let builder = Builder::new();
+    match &builder {
         Ok(builder) => {
             let mut board_lint = builder.toolchain().cargo_in_board();
             board_lint
@@ -86,6 +87,17 @@ fn run_all(tally: &mut Tally) {
     let mut bus = repo::cargo_in_root(&["test", "--no-fail-fast", "--release"]);
     bus.args(["--package", SIMULATED]);
     run_tests(tally, "tests on the simulated bus", bus, Summary::Rust);
+
+    if let Ok(builder) = &builder {
+        let name = "figures and goals";
+        match bench::check(builder) {
+            Ok(command) => run_tests(tally, name, command, Summary::Rust),
+            Err(error) => {
+                println!("{}", error.message());
+                tally.check(name, false);
+            }
+        }
+    }
 
     let mut clients = Command::new(python::interpreter());
     clients

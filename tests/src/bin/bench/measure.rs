@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::thread;
 
-use multidrop_bus::{Time, Tx, TxPhase};
+use multidrop_bus::{Time, Tx, TxPhase, VectorStats};
 
 use crate::Trouble;
 use crate::figures::{Figures, Range, Set, rounded, us_between};
@@ -17,8 +17,9 @@ pub const COUNTS: [u8; 2] = [16, 128];
 pub const BAUDS: [u32; 2] = [38_400, 115_200];
 /// Exchanges from which a range is taken.
 const EXCHANGES: usize = 200;
-/// Vector of the receive interrupt (DS40002061B, 12.1).
-const USART_RX: usize = 18;
+/// The interrupts of the line and their vectors, counted from 0 (DS40002061B, 12.1): USART_RX, USART_UDRE,
+/// TIMER1_COMPB.
+const INTERRUPTS: [(&str, usize); 3] = [("rx", 18), ("tx", 19), ("silence", 12)];
 
 /// Measures everything. One thread for each image: they share nothing.
 pub fn all(images: &Images<'_>, figures: &mut Figures) -> Result<(), Trouble> {
@@ -71,7 +72,7 @@ fn one(image: &Image) -> Result<Set, Trouble> {
         let jitter = rounded(range.width());
         set.insert(format!("tx_{name}_jitter_03x1_us"), jitter);
     }
-    receive_interrupt(image, &mut set)?;
+    interrupts(image, &mut set)?;
     power::active_cycles(image, &mut set)?;
     power::asleep(image, &mut set)?;
     limits::longest_gap(image, &mut set)?;
@@ -152,36 +153,45 @@ fn stack_peak(image: &Image) -> Result<f64, Trouble> {
     Ok(peak as f64)
 }
 
-/// Cycles of the receive interrupt, its response and its `reti` included, over mixed requests.
-fn receive_interrupt(image: &Image, set: &mut Set) -> Result<(), Trouble> {
+/// Cycles of the line's interrupts, response and `reti` included, over mixed requests and their answers.
+fn interrupts(image: &Image, set: &mut Set) -> Result<(), Trouble> {
     let mut desk = Desk::new(image, |_| {})?;
     let node = desk.node;
-    let mut seen: Vec<u64> = Vec::new();
+    let mut seen = INTERRUPTS.map(|_| Vec::new());
     for _ in 0..30 {
         desk.idle();
         let request = mixed(desk.count, &mut desk.random);
         desk.bus.host(desk.host).send(&request);
         desk.bus.node_mut(node).clear_stats();
-        let (mut count, mut total) = (0, 0);
+        let mut before = INTERRUPTS.map(|_| VectorStats::default());
         desk.bus.run_until(
             |bus| {
-                let now = bus.node(node).stats().vectors[USART_RX];
-                // Two executions between two looks count as two of their mean.
-                for _ in count..now.count {
-                    seen.push((now.total - total) / (now.count - count));
+                let stats = bus.node(node).stats();
+                for (index, (_, vector)) in INTERRUPTS.iter().enumerate() {
+                    let (was, now) = (before[index], stats.vectors[*vector]);
+                    // Two executions between two looks count as two of their mean.
+                    for _ in was.count..now.count {
+                        seen[index].push((now.total - was.total) / (now.count - was.count));
+                    }
+                    before[index] = now;
                 }
-                (count, total) = (now.count, now.total);
                 false
             },
             Time::from_ms(200),
         );
     }
-    seen.sort_unstable();
-    if let (Some(&min), Some(&max)) = (seen.first(), seen.last()) {
-        set.insert("rx_interrupt_min_cycles".to_owned(), min as f64);
-        let median = seen[seen.len() / 2];
-        set.insert("rx_interrupt_median_cycles".to_owned(), median as f64);
-        set.insert("rx_interrupt_max_cycles".to_owned(), max as f64);
+    for ((name, _), mut cycles) in INTERRUPTS.into_iter().zip(seen) {
+        cycles.sort_unstable();
+        let figures = [
+            ("min", cycles.first()),
+            ("median", cycles.get(cycles.len() / 2)),
+            ("max", cycles.last()),
+        ];
+        for (which, value) in figures {
+            if let Some(&value) = value {
+                set.insert(format!("{name}_interrupt_{which}_cycles"), value as f64);
+            }
+        }
     }
     Ok(())
 }

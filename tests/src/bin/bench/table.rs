@@ -169,6 +169,24 @@ const ROWS: &[Row] = &[
     .peer("65")
     .brief(),
     row(
+        "transmit interrupt, min/median/max",
+        "cycles",
+        Three([
+            "tx_interrupt_min_cycles",
+            "tx_interrupt_median_cycles",
+            "tx_interrupt_max_cycles",
+        ]),
+    ),
+    row(
+        "silence interrupt, min/median/max",
+        "cycles",
+        Three([
+            "silence_interrupt_min_cycles",
+            "silence_interrupt_median_cycles",
+            "silence_interrupt_max_cycles",
+        ]),
+    ),
+    row(
         "awake for an exchange of 03x1",
         "cycles",
         Range("active_03x1_min_cycles", "active_03x1_max_cycles"),

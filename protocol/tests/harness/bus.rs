@@ -75,8 +75,8 @@ pub struct Talk {
     pub bytes: Vec<u8>,
     /// The first character of the request that it answers.
     pub request: usize,
-    /// Whether the task let go of the buffer before it was over.
-    pub cut: bool,
+    /// The most bytes it may have, if the task let go of the buffer before it was over.
+    pub cut: Option<usize>,
 }
 
 struct Sending {
@@ -208,10 +208,11 @@ impl Bus {
     pub fn give_back(&mut self) {
         let chip = &mut self.chip;
         assert!(chip.lent.take().is_some(), "given back twice");
-        if chip.sending.is_some()
+        if let Some(sending) = &chip.sending
             && let Some(talk) = chip.talks.last_mut()
         {
-            talk.cut = true;
+            let held = usize::from(sending.holding.is_some());
+            talk.cut = Some(talk.bytes.len() + held);
         }
         self.machine.give_back();
     }
@@ -427,7 +428,7 @@ impl Wire for Chip {
             end: u64::MAX,
             bytes: Vec::new(),
             request: self.lent.expect("talks without a request"),
-            cut: false,
+            cut: None,
         });
         self.sending = Some(Sending {
             shifted: None,

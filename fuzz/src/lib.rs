@@ -1,0 +1,23 @@
+//! What the fuzz targets do with their input, apart from libFuzzer, so that the corpus is replayed by any compiler.
+
+#[path = "../../protocol/tests/harness/mod.rs"]
+mod harness;
+
+mod codec;
+mod input;
+mod rtu_line;
+mod server_pdu;
+
+pub use codec::codec;
+pub use rtu_line::rtu_line;
+pub use server_pdu::server_pdu;
+
+/// A target, by its name.
+pub type Target = (&'static str, fn(&[u8]));
+
+/// All of them.
+pub const TARGETS: &[Target] = &[
+    ("server_pdu", server_pdu),
+    ("rtu_line", rtu_line),
+    ("codec", codec),
+];

@@ -1,0 +1,72 @@
+//! Requests to a server, one after the other, compared with a plain reading of the standard.
+
+use multidrop_protocol::Adu;
+use multidrop_protocol::server::{DataModel, Plan};
+
+use crate::harness::book::Book;
+use crate::harness::memory::{self, Memory};
+use crate::input::Input;
+
+/// A byte that chooses the kind of model; then, for each request, its length and its bytes: unit id and PDU.
+pub fn server_pdu(data: &[u8]) {
+    let mut input = Input(data);
+    if input.byte() & 1 == 0 {
+        ask_all::<false>(input);
+    } else {
+        ask_all::<true>(input);
+    }
+}
+
+fn ask_all<const MAY_FAIL: bool>(mut input: Input) {
+    let mut book = Book::new();
+    let mut memory = Memory::<MAY_FAIL>::of(&book);
+    let server = memory::server::<MAY_FAIL>();
+    // What a request leaves in the buffer must not show in the answer to the next.
+    let mut frame: Adu = [0xA5; 256];
+    for _ in 0..64 {
+        if input.is_over() {
+            break;
+        }
+        let len = input.byte();
+        let request = input.bytes(len.into());
+        frame[..request.len()].copy_from_slice(request);
+        // A length that has no bytes to it is for the server to refuse, or it is about what was there before.
+        let request = frame[..len.into()].to_vec();
+
+        let before = memory.clone();
+        let plan = server.prepare(&mut memory, &mut frame, len);
+        assert!(memory == before, "preparing changed the model");
+        let executes = matches!(plan, Plan::Write { .. } | Plan::Call);
+        if executes {
+            assert_eq!(frame[..len.into()], request, "not as it came in");
+        }
+        if matches!(plan, Plan::Write { .. }) && !Memory::<MAY_FAIL>::WRITES_MAY_FAIL {
+            assert_eq!(server.write(&mut memory, &frame), Ok(()));
+            assert_eq!(frame[..len.into()], request, "an answer is on its way");
+            memory = before.clone();
+        }
+        let answer = server.commit(&mut memory, &mut frame, len, plan);
+
+        assert!(answer == 0 || (2..=254).contains(&answer));
+        let answer = &frame[..answer.into()];
+        if !executes || answer.get(1).is_some_and(|function| function & 0x80 != 0) {
+            assert!(memory == before, "refused or ignored, and changed");
+        }
+        if !answer.is_empty() {
+            assert_eq!(answer[0], request[0]);
+            assert_eq!(answer[1] & 0x7F, request[1] & 0x7F);
+        }
+        if (2..=254).contains(&len) {
+            let expected = book.ask(&request);
+            assert_eq!(executes, expected.executes, "{request:02X?}");
+            assert_eq!(
+                answer,
+                expected.answer.unwrap_or_default(),
+                "{request:02X?}"
+            );
+        } else {
+            assert!(answer.is_empty());
+        }
+        assert!(memory.is(&book), "{request:02X?}");
+    }
+}

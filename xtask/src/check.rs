@@ -84,6 +84,11 @@ fn run_all(tally: &mut Tally) {
     let mut units = repo::cargo_in_root(&["test", "--no-fail-fast", "--workspace"]);
     units.args(["--exclude", SIMULATED]);
     run_tests(tally, "tests of the host's crates", units, Summary::Rust);
+    let name = "corpus of the fuzz targets";
+    run_tests(tally, name, crate::fuzz::replay(), Summary::Rust);
+    for (name, mut command) in crate::fuzz::checks() {
+        check(tally, &name, &mut command);
+    }
     let mut bus = repo::cargo_in_root(&["test", "--no-fail-fast", "--release"]);
     bus.args(["--package", SIMULATED]);
     run_tests(tally, "tests on the simulated bus", bus, Summary::Rust);

@@ -11,6 +11,7 @@ mod demo;
 mod error;
 mod firmware;
 mod flash;
+mod fuzz;
 mod image;
 mod needs;
 mod python;

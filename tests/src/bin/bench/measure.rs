@@ -135,17 +135,25 @@ fn stack_peak(image: &Image) -> Result<f64, Trouble> {
     let mut peak = 0;
     for seed in 1..=3 {
         let mut desk = Desk::new(image, |nano| nano.seed = seed)?;
-        for _ in 0..60 {
+        for _ in 0..EXCHANGES {
             desk.idle();
             let request = mixed(desk.count, &mut desk.random);
             desk.expect(&request)?;
-            // A late character arrives while the answer is being worked out: interrupts at depth.
-            let late = desk.line().t15() + Time::from_ps(desk.random.next() % 900_000_000);
-            let damaged = desk.random.one_in(2);
-            let last = Tx::byte(0x55).after(late);
-            let host = desk.bus.host(desk.host);
-            host.send_each(request.iter().map(|&byte| Tx::byte(byte)));
-            host.send_each([if damaged { last.bad_stop() } else { last }]);
+            // Characters that come too late, while the answer is being worked out: interrupts at depth.
+            let characters = request.iter().map(|&byte| Tx::byte(byte));
+            let mut pause = desk.line().t15() + desk.chance(Time::from_us(200));
+            let mut late = Vec::new();
+            for _ in 0..4 {
+                let character = Tx::byte(0x55).after(pause);
+                let is_damaged = desk.random.one_in(2);
+                late.push(if is_damaged {
+                    character.bad_stop()
+                } else {
+                    character
+                });
+                pause = desk.chance(Time::from_us(600));
+            }
+            desk.bus.host(desk.host).send_each(characters.chain(late));
             desk.bus.run_for(Time::from_ms(100));
         }
         peak = peak.max(desk.bus.node(desk.node).stack_peak());

@@ -157,8 +157,13 @@ impl Desk {
 
     /// Lets up to 2 ms pass: over a millisecond-long pattern of the timer and any phase of the bit clock.
     pub fn idle(&mut self) {
-        let pause = Time::from_ps(self.random.next() % 2_000_000_000);
+        let pause = self.chance(Time::from_ms(2));
         self.bus.run_for(pause);
+    }
+
+    /// A span shorter than `end`.
+    pub fn chance(&mut self, end: Time) -> Time {
+        Time::from_ps(self.random.next() % end.ps())
     }
 
     /// Sends these bytes as fast as the line goes and gives the exchange, or nothing where the answer is not

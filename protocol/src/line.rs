@@ -196,10 +196,8 @@ impl LineMachine {
             }
             Phase::Settled | Phase::Silent | Phase::Sent => {
                 wire.restart();
-                match self.verdict {
-                    Verdict::Stands => self.verdict = Verdict::Late,
-                    Verdict::Pending => self.withhold(wire),
-                    _ => {}
+                if self.verdict == Verdict::Stands {
+                    self.withhold();
                 }
                 self.flaws = if self.buffer == Buffer::Free {
                     Flaws::NONE
@@ -273,35 +271,33 @@ impl LineMachine {
         if self.verdict != Verdict::Pending {
             return self.on_free(wire);
         }
+        self.verdict = Verdict::Stands;
         self.phase = Phase::Settled;
         if !wire.alarm(Interval::ToStart) {
             self.on_start(wire);
+        }
+        if self.silence_awaited {
+            self.silence_awaited = false;
+            wire.wake_user();
         }
     }
 
     #[inline(always)]
     fn on_start<W: Wire>(&mut self, wire: &mut W) {
-        if wire.start_bit_seen() {
-            self.withhold(wire);
-        } else {
-            self.verdict = Verdict::Stands;
-            if self.released > 0 {
-                self.start(wire);
-                if self.silence_awaited {
-                    self.silence_awaited = false;
-                    wire.wake_user();
-                }
-                return;
+        if self.released > 0 {
+            if !wire.start_bit_seen() {
+                return self.start(wire);
             }
+            self.withhold();
         }
         self.on_free(wire);
     }
 
-    /// The frame stands, but somebody talks already.
-    fn withhold<W: Wire>(&mut self, wire: &mut W) {
+    /// The frame stands, but it is too late for an answer: somebody talks.
+    #[inline(always)]
+    fn withhold(&mut self) {
         self.verdict = Verdict::Late;
         self.released = 0;
-        wire.wake_user();
     }
 
     /// t3.5 has passed on the wire.
@@ -314,7 +310,7 @@ impl LineMachine {
             self.flaws = Flaws::NONE;
             wire.wake_receiver();
         }
-        if self.silence_awaited || self.verdict == Verdict::Void {
+        if self.silence_awaited || matches!(self.verdict, Verdict::Void | Verdict::Late) {
             self.silence_awaited = false;
             wire.wake_user();
         }
@@ -407,7 +403,8 @@ impl LineMachine {
     /// Whether an answer is on the wire or will be at t3.5; [`Wire::wake_user`] is called when that ends.
     #[inline]
     pub fn is_sending_or_due(&self) -> bool {
-        self.is_sending() || self.released > 0 && self.verdict == Verdict::Pending
+        self.is_sending()
+            || self.released > 0 && matches!(self.verdict, Verdict::Pending | Verdict::Stands)
     }
 
     /// The first `len` bytes of the buffer are to be sent: at t3.5 if the frame stands then, at once if it does, and not at all
@@ -416,7 +413,8 @@ impl LineMachine {
     pub fn release<W: Wire>(&mut self, wire: &mut W, len: u8) {
         match self.verdict {
             Verdict::Pending => self.prepare(wire, len),
-            Verdict::Stands if self.phase == Phase::Silent => {
+            Verdict::Stands if self.phase == Phase::Settled => self.prepare(wire, len),
+            Verdict::Stands if self.phase == Phase::Silent && !wire.start_bit_seen() => {
                 self.prepare(wire, len);
                 self.start(wire);
             }

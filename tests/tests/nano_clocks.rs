@@ -68,6 +68,7 @@ fn check(clock_hz: u32, baud: u32) {
         );
     }
     assert_bus_rules(&bus, line);
+    bus.run_for(Time::from_ms(50));
     assert!(bus.node(node).is_asleep());
 }
 
@@ -94,7 +95,7 @@ fn at_16_mhz() {
 
 #[test]
 fn at_20_mhz() {
-    for baud in [38_400, 1_000_000] {
+    for baud in [38_400, 250_000] {
         check(20_000_000, baud);
     }
 }

@@ -59,6 +59,30 @@ pub(super) struct Chip {
     pub user: AtomicWaker,
 }
 
+/// Sets OCR1B. The TEMP register of 16-bit accesses (DS 16.3) is safe since interrupts are off.
+#[inline(always)]
+fn set_compare(tick: u16) {
+    // SAFETY: any value is a valid compare value.
+    timer1::registers()
+        .ocr1b()
+        .write(|w| unsafe { w.bits(tick) });
+}
+
+/// Moves OCR1B on from where it matched: intervals of one silence follow each other without drift.
+#[inline(never)]
+fn advance_compare(ticks: u16) {
+    let from = timer1::registers().ocr1b().read().bits();
+    set_compare(from.wrapping_add(ticks));
+    let now = timer1::now();
+    if now.wrapping_sub(from) >= ticks {
+        // This interrupt had to wait for longer than the interval: the timer would go round first.
+        set_compare(now.wrapping_add(SOON));
+    }
+}
+
+/// Ticks to an alarm that is overdue: enough for the compare register to be written before.
+const SOON: u16 = 4;
+
 /// The chip with its DE pin.
 pub(super) struct Driven<'c, DE>(&'c mut Chip, PhantomData<DE>);
 
@@ -134,21 +158,17 @@ impl<DE: DriverEnable> Wire for Driven<'_, DE> {
     #[inline(always)]
     fn alarm(&mut self, interval: Interval) -> bool {
         let settings = &self.0.settings;
-        let compare = timer1::registers().ocr1b();
-        // Intervals of one silence follow each other without drift.
-        let (from, ticks) = match interval {
-            Interval::ToStand => (compare.read().bits(), settings.to_stand),
-            Interval::ToStandLessCharacter => (
-                compare.read().bits(),
-                settings.to_stand.saturating_sub(settings.character),
-            ),
-            Interval::ToStart => (compare.read().bits(), settings.to_start),
-            Interval::Character => (compare.read().bits(), settings.character),
-            Interval::T3_5 => (timer1::now(), settings.t3_5),
+        let ticks = match interval {
+            Interval::ToStand => settings.to_stand,
+            Interval::ToStandLessCharacter => settings.to_stand.saturating_sub(settings.character),
+            Interval::ToStart => settings.to_start,
+            Interval::Character => settings.character,
+            Interval::T3_5 => {
+                set_compare(timer1::now().wrapping_add(settings.t3_5));
+                return true;
+            }
         };
-        // SAFETY: any value is a valid compare value; the TEMP register of 16-bit accesses (DS 16.3) is
-        // safe since interrupts are off.
-        compare.write(|w| unsafe { w.bits(from.wrapping_add(ticks)) });
+        advance_compare(ticks);
         ticks > 0
     }
 

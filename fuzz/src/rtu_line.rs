@@ -16,16 +16,17 @@ pub fn rtu_line(data: &[u8]) {
     let kind = input.byte();
     let (t1_5, t3_5) = [(150, 350), (288, 672), (864, 2016)][usize::from(kind % 3)];
     let bit = |number: u8| kind >> number & 1 == 0;
+    let tasks = input.byte();
     let settings = Settings {
         character: 100,
         t1_5,
         t3_5,
+        early: if tasks & 8 == 0 { 0 } else { t3_5 / 128 },
         strict: bit(3) || bit(4),
         sees_start_bits: bit(5),
         short_cut: bit(6),
         ready_latency: if bit(4) { 0 } else { 130 },
     };
-    let tasks = input.byte();
     let most = [0, 0, 25, 25, 200, 1000, 5000, 20_000][usize::from(tasks % 8)];
     let latencies = (1..=4).map(|part| u64::from(tasks) * most * part / (4 * 255));
     let config = Config {

@@ -16,6 +16,7 @@ fn slow_baud() -> Settings {
         character: CHARACTER,
         t1_5: 150,
         t3_5: 350,
+        early: 0,
         strict: true,
         sees_start_bits: true,
         short_cut: true,
@@ -121,6 +122,42 @@ fn frames_apart_by_more_than_t3_5_are_two_and_by_less_none() {
                 at_once(frame(gap, &read())),
             ];
             assert_eq!(play(&settings, &[0], &ops).answered, answers, "{gap}");
+        }
+    }
+}
+
+/// By our clock: another's may be a little faster.
+#[test]
+fn a_request_just_before_t3_5_is_one_where_frames_are_judged_early_and_no_answer_goes_over_it() {
+    for settings in every_line() {
+        let settings = Settings {
+            early: settings.t3_5 / 128,
+            ..settings
+        };
+        for (gap, executed) in [
+            (settings.t3_5 + 1, 2),
+            (settings.t3_5, 2),
+            (settings.judged() + 1, 2),
+            (settings.judged(), 0),
+        ] {
+            let broadcast = framed(&[0, 6, 0, 5, 0, 99]);
+            let ops = [
+                polite(after_silence(&settings, &broadcast)),
+                at_once(frame(gap, &write(98))),
+            ];
+            assert_eq!(play(&settings, &[0], &ops).executed, executed, "{gap}");
+            let ops = [
+                polite(after_silence(&settings, &read())),
+                at_once(frame(gap.min(settings.t3_5), &write(98))),
+            ];
+            let seen = play(&settings, &[0], &ops);
+            // One that sees no start bits hears of it too late to free its buffer.
+            let answered = if settings.sees_start_bits {
+                executed / 2
+            } else {
+                0
+            };
+            assert_eq!(seen.answered, answered, "{gap}");
         }
     }
 }

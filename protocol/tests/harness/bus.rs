@@ -18,6 +18,8 @@ pub struct Settings {
     pub character: u64,
     pub t1_5: u64,
     pub t3_5: u64,
+    /// By how much a frame is judged before t3.5.
+    pub early: u64,
     /// Whether a gap over t1.5 makes a frame bad.
     pub strict: bool,
     /// Whether the driver sees start bits. One that cannot waits a character longer everywhere.
@@ -39,7 +41,11 @@ impl Settings {
 
     /// The silence a frame is complete after.
     fn complete(&self) -> u64 {
-        if self.strict { self.t1_5 } else { self.t3_5 }
+        if self.strict {
+            self.t1_5
+        } else {
+            self.judged()
+        }
     }
 
     /// What a driver that sees no start bits waits for in addition: until a character is received that has begun by then.
@@ -49,6 +55,16 @@ impl Settings {
         } else {
             self.to_receive()
         }
+    }
+
+    /// The silence that a frame is over after.
+    pub fn judged(&self) -> u64 {
+        self.t3_5 - self.early
+    }
+
+    /// From the end of a frame to the moment it stands.
+    pub fn to_stand(&self) -> u64 {
+        self.judged() + self.blind()
     }
 
     /// From the end of a frame to the moment an answer starts that is ready by then.
@@ -375,11 +391,11 @@ impl Wire for Chip {
 
     fn alarm(&mut self, interval: Interval) -> bool {
         let settings = &self.settings;
-        let to_stand = settings.t3_5 - settings.complete();
+        let to_stand = settings.judged() - settings.complete();
         let less_character = to_stand.saturating_sub(settings.character);
         let (from, ticks) = match interval {
             // Judged at t3.5 itself: nothing is left to wait for.
-            Interval::ToStart => return false,
+            Interval::ToStart => (self.compare, settings.early),
             Interval::ToStand => (self.compare, to_stand),
             Interval::ToStandLessCharacter => (self.compare, less_character),
             Interval::Character => (self.compare, settings.character),

@@ -30,6 +30,7 @@ pub struct Verdict {
 pub struct Run {
     /// Index of the first.
     pub first: usize,
+    pub last: usize,
     pub end: u64,
     bytes: Vec<u8>,
     damaged: bool,
@@ -60,11 +61,12 @@ pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], slack: u64) -> 
             continue;
         }
         let gap = runs.last().map(|run| char.start - run.end);
-        let begins = talked || gap.is_none_or(|gap| gap > settings.t3_5 + slack);
+        let begins = talked || gap.is_none_or(|gap| gap > settings.judged() + slack);
         talked = false;
         if begins {
             runs.push(Run {
                 first: index,
+                last: index,
                 end: 0,
                 bytes: Vec::new(),
                 damaged: false,
@@ -75,6 +77,7 @@ pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], slack: u64) -> 
             run.damaged = true;
         }
         run.damaged |= !char.flaws.is_empty();
+        run.last = index;
         run.bytes.push(char.byte);
         run.end = char.start + settings.character;
     }
@@ -116,14 +119,16 @@ fn judge_exactly<const MAY_FAIL: bool>(
     latency: u64,
 ) -> Verdict {
     let settings = &bus.chip.settings;
-    let mut talks = bus.chip.talks.iter();
+    let mut talks = bus.chip.talks.iter().peekable();
     let mut executed = unit.events.iter().filter_map(|event| match event {
-        Event::Executed(request) => Some(*request),
+        Event::Executed(request, at) => Some((*request, *at)),
         _ => None,
     });
     let mut verdict = Verdict::default();
+    let mut hogged = false;
     for run in runs(settings, &bus.chip.chars, &bus.chip.talks, 0) {
-        let Some(body) = run.body() else {
+        let Some(body) = run.body().filter(|_| !std::mem::take(&mut hogged)) else {
+            hogged = false;
             verdict.bad += 1;
             continue;
         };
@@ -131,22 +136,32 @@ fn judge_exactly<const MAY_FAIL: bool>(
         let Outcome { answer, executes } = book.ask(body);
         if executes {
             verdict.executed += 1;
-            assert_eq!(
-                executed.next(),
-                Some(run.first),
-                "not executed: {body:02X?}"
-            );
+            let executed = executed.next();
+            let (request, at) = executed.unwrap_or_else(|| panic!("not executed: {body:02X?}"));
+            assert_eq!(request, run.first, "executed something else");
+            // Not only when the answer is over.
+            let due = run.end + settings.to_stand();
+            assert!((due..=due + 3 * latency).contains(&at), "executed late");
         }
         let Some(answer) = answer else { continue };
-        verdict.answered += 1;
-        let talk = talks.next();
-        let talk = talk.unwrap_or_else(|| panic!("not answered: {body:02X?}"));
-        assert_eq!(talk.request, run.first, "answers something else");
-        assert_eq!(talk.bytes, framed(&answer), "wrong answer to {body:02X?}");
         // Ready when the silence is over, unless something had to wait for that.
         let waited =
             !settings.strict || executes && (MAY_FAIL || !matches!(body[1], 5 | 6 | 15 | 16));
         let late = if waited { 3 * latency } else { 0 };
+        let next = bus.chip.chars.get(run.last + 1).map(|char| char.start);
+        let somebody_by = |at| next.is_some_and(|next| next <= run.end + at);
+        if somebody_by(settings.t3_5) {
+            // One that sees no start bits hears it before the task can let go of the answer.
+            hogged = !settings.sees_start_bits;
+            continue;
+        }
+        let withheld = somebody_by(settings.to_answer() + late);
+        let Some(talk) = talks.next_if(|talk| talk.request == run.first) else {
+            assert!(late > 0 && withheld, "not answered: {body:02X?}");
+            continue;
+        };
+        verdict.answered += 1;
+        assert_eq!(talk.bytes, framed(&answer), "wrong answer to {body:02X?}");
         let after = talk.start - run.end;
         let due = settings.to_answer();
         assert!(
@@ -232,7 +247,7 @@ fn judge_what_was_done<const MAY_FAIL: bool>(
                 }
                 current = Some((first, outcome, after));
             }
-            Event::Executed(first) => {
+            Event::Executed(first, _) => {
                 let (fetched, outcome, after) = current.take().expect("executed unasked");
                 assert_eq!(fetched, first);
                 assert!(outcome.executes, "executed what it must not");

@@ -12,8 +12,8 @@ use super::memory::{self, Memory};
 pub enum Event {
     /// Took the frame that begins with this character.
     Fetched(usize),
-    /// Went through with it: wrote, or called the application.
-    Executed(usize),
+    /// Went through with it, at this tick: wrote, or called the application.
+    Executed(usize, u64),
     /// Was told of damaged frames.
     Damaged,
 }
@@ -129,7 +129,8 @@ impl<const MAY_FAIL: bool> Unit<MAY_FAIL> {
                     None => return,
                     Some(false) => self.serving = Serving::Sent,
                     Some(true) => {
-                        self.events.push(Event::Executed(bus.chip.lent.unwrap()));
+                        let request = bus.chip.lent.unwrap();
+                        self.events.push(Event::Executed(request, bus.chip.now));
                         self.serving = Serving::Sent;
                         if released {
                             let written = self.server.write(&mut self.memory, bus.adu());

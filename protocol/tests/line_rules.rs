@@ -272,6 +272,20 @@ fn an_answer_that_comes_after_another_frame_is_not_given() {
     }
 }
 
+/// Whoever wrote may not have waited for the answer.
+#[test]
+fn a_write_that_stands_is_carried_out_even_when_it_is_too_late_to_say_so() {
+    for settings in every_line() {
+        let ops = [
+            polite(after_silence(&settings, &write(55))),
+            at_once(after_silence(&settings, &framed(&[5, 3, 0, 3, 0, 2]))),
+        ];
+        let between = 8 * CHARACTER + 2 * settings.t3_5 + CHARACTER;
+        let seen = play(&settings, &[between], &ops);
+        assert_eq!((seen.answered, seen.executed), (0, 1), "{settings:?}");
+    }
+}
+
 #[test]
 fn a_slow_task_answers_as_soon_as_it_can_while_nobody_talks() {
     for settings in every_line() {

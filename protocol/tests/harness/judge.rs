@@ -44,9 +44,16 @@ impl Run {
 }
 
 /// The runs on the wire, as far as the unit was not talking itself. A character that begins in the very tick in which a
-/// silence is over is still within it. With `slack` both silences are longer by as much.
-pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], slack: u64) -> Vec<Run> {
-    let received = settings.character - settings.character / 20;
+/// silence is over is still within it. After one of the edges in `glitches` the line waits for a character for so long that one
+/// which begins half a bit too late is received in time.
+pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], glitches: &[u64]) -> Vec<Run> {
+    let half_bit = settings.character / 20;
+    let received = settings.character - half_bit;
+    let complete = if settings.strict {
+        settings.t1_5
+    } else {
+        settings.judged()
+    };
     let mut runs: Vec<Run> = Vec::new();
     let mut talks = talks.iter().peekable();
     let mut talked = false;
@@ -60,8 +67,17 @@ pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], slack: u64) -> 
         {
             continue;
         }
-        let gap = runs.last().map(|run| char.start - run.end);
-        let begins = talked || gap.is_none_or(|gap| gap > settings.judged() + slack);
+        let gap = runs.last().map(|run| {
+            let looked = run.end - half_bit + 1..=run.end + complete;
+            let late =
+                char.start - run.end > complete && char.start - run.end < complete + half_bit;
+            if late && glitches.iter().any(|at| looked.contains(at)) {
+                complete
+            } else {
+                char.start - run.end
+            }
+        });
+        let begins = talked || gap.is_none_or(|gap| gap > settings.judged());
         talked = false;
         if begins {
             runs.push(Run {
@@ -73,7 +89,7 @@ pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], slack: u64) -> 
             });
         }
         let run = runs.last_mut().unwrap();
-        if !begins && settings.strict && gap.is_some_and(|gap| gap > settings.t1_5 + slack) {
+        if !begins && settings.strict && gap.is_some_and(|gap| gap > settings.t1_5) {
             run.damaged = true;
         }
         run.damaged |= !char.flaws.is_empty();
@@ -126,7 +142,7 @@ fn judge_exactly<const MAY_FAIL: bool>(
     });
     let mut verdict = Verdict::default();
     let mut hogged = false;
-    for run in runs(settings, &bus.chip.chars, &bus.chip.talks, 0) {
+    for run in runs(settings, &bus.chip.chars, &bus.chip.talks, &[]) {
         let Some(body) = run.body().filter(|_| !std::mem::take(&mut hogged)) else {
             hogged = false;
             verdict.bad += 1;
@@ -189,11 +205,11 @@ fn judge_what_was_done<const MAY_FAIL: bool>(
     let settings = &bus.chip.settings;
     let (chars, talks) = (&bus.chip.chars, &bus.chip.talks);
     let received = settings.character - settings.character / 20;
-    let mut readings = vec![runs(settings, chars, talks, 0)];
-    if circumstances.glitches {
-        // After an edge the line waits for a character for so long that one that begins half a bit too late is over.
-        readings.push(runs(settings, chars, talks, settings.character / 20));
-    }
+    let glitches = &bus.chip.glitches;
+    let readings = [
+        runs(settings, chars, talks, &[]),
+        runs(settings, chars, talks, glitches),
+    ];
     let mut verdict = Verdict::default();
     let mut talks = talks.iter().peekable();
     let mut current: Option<(usize, Outcome, Book)> = None;
@@ -204,7 +220,11 @@ fn judge_what_was_done<const MAY_FAIL: bool>(
             Event::Fetched(first) => {
                 assert_eq!(told_unexecuted, None, "told what it has not done");
                 let talk = talks.next_if(|talk| talk.request == first);
-                let found = readings.iter().flatten().filter(|run| run.first == first);
+                let found = readings
+                    .iter()
+                    .rev()
+                    .flatten()
+                    .filter(|run| run.first == first);
                 let mut good = found.filter_map(|run| Some((run, run.body()?)));
                 let fits = |body: &[u8]| {
                     let answer = book.clone().ask(body).answer;

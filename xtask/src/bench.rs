@@ -25,6 +25,9 @@ const README: &str = "README.md";
 /// # Errors
 /// [`Error::usage`] before anything is built, when something is missing; else what failed.
 pub fn run(json: Option<&Path>, record: bool) -> Result<(), Error> {
+    if let Some(json) = json {
+        check_json(json)?;
+    }
     setup::require(&[Purpose::Firmware, Purpose::Simulator])?;
     let mut bench = measured(&Builder::new()?)?;
     if let Some(json) = json {
@@ -34,6 +37,22 @@ pub fn run(json: Option<&Path>, record: bool) -> Result<(), Error> {
         bench.arg("--record");
     }
     repo::run(&mut bench)
+}
+
+/// What cannot be written is said now, not after the measurements.
+fn check_json(path: &Path) -> Result<(), Error> {
+    let refused = |why| {
+        Err(Error::usage(format!(
+            "--json {}: {why}; choose another path",
+            path.display()
+        )))
+    };
+    // The folder of a bare name is the current one, which is given as an empty path.
+    match path.parent() {
+        _ if path.is_dir() => refused("it is a folder"),
+        Some(folder) if !Path::new(".").join(folder).is_dir() => refused("its folder is not there"),
+        _ => Ok(()),
+    }
 }
 
 /// The command that measures, fails where a figure is not the kept one or a goal is missed, and ends with
@@ -106,4 +125,34 @@ fn compiler(toolchain: &Toolchain) -> String {
         field("LLVM version: "),
         gcc.as_deref().unwrap_or("unknown"),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_json_file_that_cannot_be_is_refused_before_anything_is_measured() {
+        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+        for (path, why) in [
+            (here.to_owned(), "it is a folder"),
+            (here.join("no/such/file.json"), "its folder is not there"),
+        ] {
+            let error = check_json(&path).expect_err("refused");
+            assert_eq!(error.code(), 2);
+            assert!(error.message().contains(why), "{}", error.message());
+        }
+        for good in [Path::new("figures.json"), &here.join("figures.json")] {
+            assert!(check_json(good).is_ok(), "{}", good.display());
+        }
+    }
+
+    #[test]
+    fn every_image_that_is_measured_can_be_built_and_is_one_of_its_kind() {
+        let images = images().expect("valid images");
+        assert_eq!(images.len(), 1 + COUNTS.len() * BAUDS.len());
+        let stems: std::collections::BTreeSet<_> =
+            images.iter().map(|(_, image)| image.stem()).collect();
+        assert_eq!(stems.len(), images.len());
+    }
 }

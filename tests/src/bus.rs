@@ -183,6 +183,14 @@ impl Bus {
             .map(|(i, node)| (NodeId(i), node))
     }
 
+    /// The hosts, in the order they were added.
+    pub fn hosts(&self) -> impl Iterator<Item = (HostId, &Host)> {
+        self.hosts
+            .iter()
+            .enumerate()
+            .map(|(i, host)| (HostId(i), host))
+    }
+
     /// A host.
     pub fn host(&mut self, id: HostId) -> &mut Host {
         &mut self.hosts[id.0]
@@ -195,7 +203,10 @@ impl Bus {
 
     /// Forgets what happened so far.
     pub fn clear_record(&mut self) {
-        self.record = Record::default();
+        self.record = Record {
+            since: self.now,
+            ..Record::default()
+        };
     }
 
     /// The level of the wire; true is the idle level.

@@ -28,6 +28,7 @@ mod eeprom;
 mod elf;
 mod error;
 mod ffi;
+mod frames;
 mod gpio;
 mod host;
 mod line;
@@ -43,11 +44,14 @@ mod wire;
 pub use bus::{Answer, Bus, BusConfig};
 pub use elf::DataSymbol;
 pub use error::BusError;
+pub use frames::{Frame, frames, with_crc};
 pub use gpio::{Level, Pin};
 pub use host::{Host, HostPort, RxByte, Tx};
 pub use line::{Format, Line, Parity};
 pub use live::{Live, LiveError};
 pub use node::{Nano, Node, Stats, VECTORS, VectorStats};
-pub use record::{Conflict, DeEdge, HostId, NodeId, PinEdge, Record, Station, WireByte, WireEdge};
+pub use record::{
+    Conflict, DataEdge, DeEdge, HostId, NodeId, PinEdge, Record, Station, WireByte, WireEdge,
+};
 pub use time::{Clock, Time};
 pub use usart::TxPhase;

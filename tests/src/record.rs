@@ -128,6 +128,20 @@ pub struct Conflict {
     pub low: Station,
     /// A station that drives it high.
     pub high: Station,
+    /// When the drivers no longer disagreed; `None`: not yet. The wire is held low for longer
+    /// ([`crate::BusConfig::conflict_hold`]).
+    pub end: Option<Time>,
+}
+
+/// What a station puts to its driver changed (a node's TXD), whether the driver is on or not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DataEdge {
+    /// Whose.
+    pub from: Station,
+    /// When.
+    pub time: Time,
+    /// The level from then on; true is the mark, the idle level.
+    pub level: bool,
 }
 
 /// An edge of the wire itself.
@@ -148,6 +162,8 @@ pub struct Record {
     pub(crate) pins: Vec<PinEdge>,
     pub(crate) conflicts: Vec<Conflict>,
     pub(crate) wire: Vec<WireEdge>,
+    pub(crate) data: Vec<DataEdge>,
+    pub(crate) since: Time,
 }
 
 impl Record {
@@ -174,6 +190,16 @@ impl Record {
     /// Where drivers fought.
     pub fn conflicts(&self) -> &[Conflict] {
         &self.conflicts
+    }
+
+    /// When the record begins.
+    pub fn since(&self) -> Time {
+        self.since
+    }
+
+    /// The edges that stations put to their drivers.
+    pub fn data_edges(&self) -> &[DataEdge] {
+        &self.data
     }
 
     /// The edges of the wire.

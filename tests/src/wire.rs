@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 use crate::bus::Event;
 use crate::host::Frame;
-use crate::record::{Conflict, DeEdge, Record, Station, WireByte, WireEdge};
+use crate::record::{Conflict, DataEdge, DeEdge, Record, Station, WireByte, WireEdge};
 use crate::time::Time;
 
 /// How long edges are remembered for characters that have not ended: longer than a character at
@@ -109,17 +109,22 @@ impl Wire {
             open.truncated.get_or_insert(now);
             record.bytes.push(self.judge(&open));
         }
-        if let Some(transceiver) = self.of(station) {
-            transceiver.data = true;
+        self.put(station, true, now, record);
+    }
+
+    fn put(&mut self, from: Station, level: bool, time: Time, record: &mut Record) {
+        if let Some(transceiver) = self.of(from)
+            && transceiver.data != level
+        {
+            transceiver.data = level;
+            record.data.push(DataEdge { from, time, level });
         }
     }
 
     pub fn apply(&mut self, event: Event, now: Time, record: &mut Record) {
         match event {
             Event::Data(station, level) => {
-                if let Some(transceiver) = self.of(station) {
-                    transceiver.data = level;
-                }
+                self.put(station, level, now, record);
             }
             Event::Drive(station, on) => self.drive(station, on, now, record),
             Event::Begin(from, frame) => {
@@ -184,11 +189,15 @@ impl Wire {
                     time: now,
                     low,
                     high,
+                    end: None,
                 });
             }
             self.in_conflict = true;
-        } else {
+        } else if self.in_conflict {
             self.in_conflict = false;
+            if let Some(conflict) = record.conflicts.last_mut() {
+                conflict.end = Some(now);
+            }
         }
         if self.in_conflict {
             self.open

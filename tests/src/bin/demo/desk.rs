@@ -10,10 +10,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use multidrop_bus::{Bus, BusConfig, HostPort, Line, Live, LiveError, Nano, NodeId, Time};
+use multidrop_bus::{
+    Bus, BusConfig, Frame, HostPort, Line, Live, LiveError, Nano, NodeId, Time, frames,
+};
 use nix::fcntl::OFlag;
 
-use crate::frame::{Frame, frames};
 use crate::{Trouble, show};
 
 /// Nodes on the desk, with the unit ids 1, 2, ...
@@ -284,7 +285,7 @@ fn take_frames(bus: &mut Bus, line: Line, tally: &mut Tally) -> Vec<Frame> {
     let found = frames(bus.record(), line);
     tally.frames += found.len();
     tally.conflicts += bus.record().conflicts().len();
-    let answers = found.iter().filter(|frame| frame.is_answer());
+    let answers = found.iter().filter(|frame| frame.answer);
     for time in answers.filter_map(|frame| frame.turnaround) {
         tally.slowest = tally.slowest.max(time.saturating_sub(line.t35()));
     }

@@ -2,7 +2,6 @@
 //! `mbpoll`, a Modbus client that this project did not write; every step is checked.
 
 mod desk;
-mod frame;
 mod show;
 mod story;
 

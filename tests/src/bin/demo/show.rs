@@ -2,10 +2,9 @@
 
 use anstream::{eprintln, println};
 use anstyle::{AnsiColor, Style};
-use multidrop_bus::{Line, Time};
+use multidrop_bus::{Frame, Line, Time};
 
 use crate::desk::Leds;
-use crate::frame::Frame;
 
 const BOLD: Style = Style::new().bold();
 const FAINT: Style = Style::new().dimmed();
@@ -43,7 +42,7 @@ pub fn output(line: &str) {
 
 /// The bytes, what they mean, and for an answer how long after the request it began.
 pub fn frame(frame: &Frame, line: Line) {
-    let (arrow, style) = match (frame.body(), frame.is_answer(), frame.is_exception()) {
+    let (arrow, style) = match (frame.body(), frame.answer, frame.is_exception()) {
         (None, _, _) => ("??", WRONG),
         (_, false, _) => ("->", REQUEST),
         (_, true, false) => ("<-", ANSWER),
@@ -51,7 +50,7 @@ pub fn frame(frame: &Frame, line: Line) {
     };
     println!("    {style}{arrow} {}{style:#}", frame.hex());
     let after = match frame.turnaround {
-        Some(time) if frame.is_answer() => format!("; {}", turnaround(time, line)),
+        Some(time) if frame.answer => format!("; {}", turnaround(time, line)),
         _ => String::new(),
     };
     println!("       {}{FAINT}{after}{FAINT:#}", frame.meaning());

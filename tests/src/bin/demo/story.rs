@@ -1,10 +1,9 @@
 //! The steps, each of them checked: what the client said, what went over the wire, what the pins
 //! do.
 
-use multidrop_bus::{Station, Time};
+use multidrop_bus::{Frame, Station, Time, with_crc};
 
 use crate::desk::{BAUD, Desk, Leds, Said, UNITS};
-use crate::frame::{Frame, with_crc};
 use crate::{Trouble, show};
 
 /// A client's silence after a broadcast, so that every server has done it (SER 2.4.1).
@@ -126,25 +125,24 @@ impl Story<'_> {
         if self.desk.tally.conflicts > 0 {
             return failed("two drivers were on at once".to_owned());
         }
-        if let Some(frame) = frames.iter().find(|frame| !frame.intact) {
+        if let Some(frame) = frames.iter().find(|frame| !frame.is_intact()) {
             return failed(format!("{} was damaged on its way", frame.hex()));
         }
-        let answers = frames.iter().filter(|frame| frame.is_answer()).count();
+        let answers = frames.iter().filter(|frame| frame.answer).count();
         if switched != 2 * answers {
             return failed(format!(
                 "drivers were switched {switched} times for {answers} answers"
             ));
         }
-        let early = |frame: &&Frame| {
-            frame.is_answer() && frame.turnaround.is_none_or(|time| time < line.t35())
-        };
+        let early = |frame: &&Frame| frame.answer && (frame.early || frame.turnaround.is_none());
         if let Some(frame) = frames.iter().find(early) {
             return failed(format!("{} came before t3.5", frame.hex()));
         }
         let same = |(frame, wanted): (&Frame, &Sent)| match *wanted {
-            Client(body) => !frame.is_answer() && frame.body() == Some(body),
+            Client(body) => !frame.answer && frame.body().as_deref() == Some(body),
             Node(unit, body) => {
-                frame.from == Station::Node(self.desk.node(unit)) && frame.body() == Some(body)
+                frame.from == Station::Node(self.desk.node(unit))
+                    && frame.body().as_deref() == Some(body)
             }
         };
         if frames.len() != wanted.len() || !frames.iter().zip(wanted).all(same) {

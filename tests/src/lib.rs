@@ -39,6 +39,7 @@ mod record;
 mod time;
 mod timer1;
 mod usart;
+mod vcd;
 mod wire;
 
 pub use bus::{Answer, Bus, BusConfig};

@@ -144,6 +144,13 @@ pub const ALL: &[Need] = &[
         by_hand: "elsewhere: build it from the repository epsilonrt/mbpoll",
     },
     Need {
+        name: "sigrok-cli",
+        purpose: Purpose::Checks,
+        found: || program("sigrok-cli"),
+        debian: &["sigrok-cli"],
+        by_hand: "Fedora, Arch, macOS with Homebrew: sigrok-cli",
+    },
+    Need {
         name: "firmware clippy",
         purpose: Purpose::Checks,
         found: || {

@@ -84,6 +84,19 @@ impl Tx {
         }
     }
 
+    /// The pause before it.
+    pub fn gap(self) -> Time {
+        self.gap
+    }
+
+    /// What a receiver of this format makes of it: its data bits, or nothing where the parity or
+    /// the first stop bit is wrong.
+    pub fn received(self, format: Format) -> Option<u8> {
+        let decoded = format.decode(self.encode(format));
+        let good = !decoded.parity_error && !decoded.framing_error;
+        good.then_some(decoded.value as u8)
+    }
+
     fn encode(&self, format: Format) -> u16 {
         let mut bits = format.encode(self.value) ^ self.flip;
         let after_data = 1 + format.data_bits;

@@ -414,7 +414,12 @@ impl LineMachine {
         match self.verdict {
             Verdict::Pending => self.prepare(wire, len),
             Verdict::Stands if self.phase == Phase::Settled => self.prepare(wire, len),
-            Verdict::Stands if self.phase == Phase::Silent && !wire.start_bit_seen() => {
+            Verdict::Stands if self.phase == Phase::Silent => {
+                if wire.start_bit_seen() {
+                    // If no character comes of it the next try must not fail as well.
+                    wire.clear_start_bit();
+                    return;
+                }
                 self.prepare(wire, len);
                 self.start(wire);
             }

@@ -210,6 +210,28 @@ impl Bus {
         fetched
     }
 
+    /// Lends the buffer to somebody who wants to transmit, as with [`LineMachine::take_buffer`].
+    pub fn take_buffer(&mut self) -> bool {
+        let taken = self.machine.take_buffer();
+        if taken {
+            assert_eq!(self.chip.lent, None, "lent twice");
+            self.chip.lent = Some(self.chip.chars.len());
+        }
+        taken
+    }
+
+    /// Lets pass what happens of itself until `end`.
+    pub fn pass(&mut self, end: u64) {
+        loop {
+            while self.step() {}
+            match self.next_event() {
+                Some(at) if at <= end => self.chip.now = at,
+                _ => break,
+            }
+        }
+        self.chip.now = end;
+    }
+
     /// The buffer, for the task it is lent to.
     pub fn adu(&mut self) -> &mut Adu {
         assert!(self.chip.lent.is_some(), "the buffer is not lent");

@@ -31,8 +31,8 @@ fn file(path: &Path, source: std::io::Error) -> Trouble {
     }
 }
 
-/// What is kept: the figures by compiler, because two builds of one release of the compiler may hold
-/// different code generators.
+/// What is kept: the figures by compiler, because another code generator or C library makes other code of
+/// the same sources.
 pub fn load(path: &Path) -> Result<Vec<Figures>, Trouble> {
     let text = fs::read_to_string(path).map_err(|source| file(path, source))?;
     serde_json::from_str(&text).map_err(|source| Trouble::Json {

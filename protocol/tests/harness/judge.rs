@@ -205,11 +205,12 @@ fn judge_what_was_done<const MAY_FAIL: bool>(
     let settings = &bus.chip.settings;
     let (chars, talks) = (&bus.chip.chars, &bus.chip.talks);
     let received = settings.character - settings.character / 20;
-    let glitches = &bus.chip.glitches;
-    let readings = [
-        runs(settings, chars, talks, &[]),
-        runs(settings, chars, talks, glitches),
-    ];
+    let seen: &[u64] = if settings.sees_start_bits {
+        &bus.chip.glitches
+    } else {
+        &[]
+    };
+    let runs = runs(settings, chars, talks, seen);
     let mut verdict = Verdict::default();
     let mut talks = talks.iter().peekable();
     let mut current: Option<(usize, Outcome, Book)> = None;
@@ -220,20 +221,8 @@ fn judge_what_was_done<const MAY_FAIL: bool>(
             Event::Fetched(first) => {
                 assert_eq!(told_unexecuted, None, "told what it has not done");
                 let talk = talks.next_if(|talk| talk.request == first);
-                let found = readings
-                    .iter()
-                    .rev()
-                    .flatten()
-                    .filter(|run| run.first == first);
-                let mut good = found.filter_map(|run| Some((run, run.body()?)));
-                let fits = |body: &[u8]| {
-                    let answer = book.clone().ask(body).answer;
-                    talk.is_none_or(|talk| {
-                        answer.is_some_and(|it| framed(&it).starts_with(&talk.bytes))
-                    })
-                };
-                let fitting = good.clone().find(|(_, body)| fits(body));
-                let Some((run, body)) = fitting.or_else(|| good.next()) else {
+                let run = runs.iter().find(|run| run.first == first);
+                let Some((run, body)) = run.and_then(|run| Some((run, run.body()?))) else {
                     assert!(talk.is_none(), "answered a bad frame");
                     // It seemed one at t1.5.
                     current = None;

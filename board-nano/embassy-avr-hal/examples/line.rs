@@ -1,0 +1,85 @@
+//! The line by itself, without a server: every frame is sent back, and one with function 0x42 sets the
+//! line up anew: index into `LineFormat::ALL`, then the baud in hundreds, high byte first. What follows is
+//! a greeting at the new settings.
+#![no_std]
+#![no_main]
+#![feature(abi_avr_interrupt)]
+
+use embassy_avr_hal::gpio::{PD2, Pins};
+use embassy_avr_hal::usart::{Settings, Usart0};
+use embassy_avr_hal::{bind_usart0, executor, pac};
+use multidrop_firmware::line::{InterCharacter, Line, LineConfig};
+use multidrop_firmware::protocol::format::LineFormat;
+
+const CLOCK_HZ: u32 = 16_000_000;
+const SET_UP: u8 = 0x42;
+const GREETING: &[u8] = b"here again";
+
+const START: LineConfig = LineConfig {
+    baud: 38_400,
+    format: LineFormat::F8N1,
+    inter_character: InterCharacter::Strict,
+};
+
+type Rs485 = Usart0<PD2, CLOCK_HZ>;
+
+bind_usart0!(Rs485);
+
+#[embassy_executor::task]
+async fn repeat(line: Rs485) {
+    let mut bytes = [0; 254];
+    loop {
+        let Ok(mut frame) = line.receive().await else {
+            continue;
+        };
+        let heard = &mut bytes[..frame.request_len().into()];
+        heard.copy_from_slice(&frame.bytes()[..frame.request_len().into()]);
+        let stands = frame.settle().await;
+        drop(frame);
+        if !stands {
+            continue;
+        }
+        match *heard {
+            [_, SET_UP, format, high, low] => {
+                let config = LineConfig {
+                    baud: 100 * u32::from(u16::from_be_bytes([high, low])),
+                    format: LineFormat::ALL[usize::from(format) % LineFormat::ALL.len()],
+                    ..START
+                };
+                let answer = match line.configure(config).await {
+                    Ok(()) => GREETING,
+                    Err(_) => b"no",
+                };
+                line.transmit(answer).await;
+            }
+            _ => line.transmit(heard).await,
+        }
+    }
+}
+
+#[avr_device::entry]
+fn main() -> ! {
+    let chip = pac::Peripherals::take().unwrap();
+    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
+    let settings = const {
+        match Settings::new(&START, CLOCK_HZ) {
+            Ok(settings) => settings,
+            Err(_) => panic!("38400 baud at 16 MHz"),
+        }
+    };
+    let line = Rs485::new(
+        chip.USART0,
+        &chip.TC1,
+        pins.PD0,
+        pins.PD1,
+        pins.PD2,
+        settings,
+    );
+    executor::run(|spawner| spawner.spawn(repeat(line).unwrap()))
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    // Never linked: `panic = "immediate-abort"`.
+    loop {}
+}

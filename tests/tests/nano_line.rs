@@ -1,0 +1,126 @@
+//! The line by itself: sent frames, and settings changed at run time, with the HAL's example `line`.
+
+mod common;
+
+use common::{assert_bus_rules, example, frames};
+use multidrop_bus::{Bus, BusConfig, Format, HostId, HostPort, Line, Nano, NodeId, Time};
+
+const START: Line = Line::n81(38_400);
+const GREETING: &[u8] = b"here again";
+
+/// In the order in which the example knows them.
+const FORMATS: [Format; 7] = [
+    Format::N81,
+    Format::E81,
+    Format::O81,
+    Format::N82,
+    Format::E71,
+    Format::O71,
+    Format::N72,
+];
+
+fn rig() -> (Bus, NodeId, HostId) {
+    let mut bus = Bus::new(BusConfig::default());
+    let node = bus
+        .add_nano(Nano::new("line", example("line")))
+        .expect("a valid image");
+    let host = bus.add_host(HostPort::new(START));
+    bus.run_for(Time::from_ms(20));
+    (bus, node, host)
+}
+
+fn set_up(format: usize, baud: u32) -> Vec<u8> {
+    let hundreds = u16::try_from(baud / 100).expect("a rate in hundreds");
+    let [high, low] = hundreds.to_be_bytes();
+    frames::adu(&[1, 0x42, format as u8, high, low])
+}
+
+/// Sets the line up anew and listens for the greeting at the new settings.
+fn change(bus: &mut Bus, host: HostId, format: usize, baud: u32) -> Vec<u8> {
+    let request = set_up(format, baud);
+    bus.host(host).take();
+    let end = bus.host(host).send(&request);
+    bus.run_to(end);
+    let line = Line {
+        baud,
+        format: FORMATS[format],
+    };
+    bus.host(host).set_line(line);
+    bus.run_for(Time::from_ms(100));
+    let heard = bus.host(host).take();
+    assert!(
+        heard.iter().all(|byte| byte.is_good()),
+        "{baud} {}: {heard:?}",
+        line.format
+    );
+    heard.iter().map(|byte| byte.value as u8).collect()
+}
+
+fn masked(format: usize, bytes: &[u8]) -> Vec<u8> {
+    let mask = if FORMATS[format].data_bits() == 7 {
+        0x7f
+    } else {
+        0xff
+    };
+    bytes.iter().map(|byte| byte & mask).collect()
+}
+
+#[test]
+fn a_frame_is_sent_back_whole_and_by_the_rules() {
+    let (mut bus, _, host) = rig();
+    for len in [2, 3, 17, 100, 254] {
+        let body: Vec<u8> = (0..len).map(|index| (index * 37) as u8).collect();
+        let frame = frames::adu(&body);
+        let answer = bus.transact(host, &frame, Time::from_ms(300));
+        assert_eq!(answer.expect("it comes back").bytes, frame, "{len} bytes");
+    }
+    assert_bus_rules(&bus, START);
+}
+
+#[test]
+fn the_line_speaks_every_format_once_it_is_told_to() {
+    for format in 0..FORMATS.len() {
+        let (mut bus, _, host) = rig();
+        let heard = change(&mut bus, host, format, 19_200);
+        let expected = masked(format, &frames::adu(GREETING));
+        assert_eq!(heard, expected, "{}", FORMATS[format]);
+        let conflicts = bus.record().conflicts();
+        assert_eq!(conflicts, []);
+    }
+}
+
+#[test]
+fn settings_change_back_and_forth_and_every_frame_is_good() {
+    let (mut bus, node, host) = rig();
+    let settings = [
+        (1, 19_200),
+        (0, 115_200),
+        (3, 9_600),
+        (2, 57_600),
+        (0, 500_000),
+        (1, 2_400),
+        (0, 38_400),
+    ];
+    for (format, baud) in settings {
+        let heard = change(&mut bus, host, format, baud);
+        assert_eq!(heard, frames::adu(GREETING), "{baud} {}", FORMATS[format]);
+        let frame = frames::adu(&[7, 1, 2, 3]);
+        let answer = bus.transact(host, &frame, Time::from_ms(300));
+        assert_eq!(answer.expect("it comes back").bytes, frame);
+    }
+    assert!(bus.node(node).is_asleep());
+    assert_eq!(bus.node(node).bad_opcodes(), 0);
+}
+
+#[test]
+fn settings_that_cannot_be_made_are_refused_and_the_old_ones_kept() {
+    let (mut bus, _, host) = rig();
+    for baud in [100, 900, 3_000_000, 6_000_000] {
+        let answer = bus.transact(host, &set_up(0, baud), Time::from_ms(300));
+        let bytes = answer.expect("an answer at the old settings").bytes;
+        assert_eq!(bytes, frames::adu(b"no"), "{baud}");
+    }
+    let frame = frames::adu(&[7, 1, 2, 3]);
+    let answer = bus.transact(host, &frame, Time::from_ms(300));
+    assert_eq!(answer.expect("it comes back").bytes, frame);
+}

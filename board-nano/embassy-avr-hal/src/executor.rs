@@ -9,11 +9,43 @@
 use core::arch::asm;
 
 use embassy_executor::{Spawner, raw};
+use embassy_sync::waitqueue::AtomicWaker;
 
-/// GPIOR0 (DS 8.6.6) is in reach of `sbi` and `sbic`: setting the flag is one instruction, in
-/// interrupts too.
-const WORK: *mut u8 = 0x3E as *mut u8;
-const WORK_BIT: u8 = 1 << 0;
+/// GPIOR0 (DS 8.6.6) is in reach of `sbi` and `sbic`: setting a flag is one instruction, in interrupts
+/// too.
+const FLAGS: *mut u8 = 0x3E as *mut u8;
+/// A task is in the queue.
+const WORK: u8 = 1 << 0;
+
+/// A waker whose waking an interrupt leaves to the executor. To wake a task takes some 200 cycles and
+/// all the registers that a function may change; to set a flag takes two cycles.
+pub(crate) struct Deferred<const FLAG: u8>(AtomicWaker);
+
+/// The task that waits for a frame from the line.
+pub(crate) static RECEIVER: Deferred<{ 1 << 1 }> = Deferred(AtomicWaker::new());
+/// The task that has the frame, or waits to transmit.
+pub(crate) static USER: Deferred<{ 1 << 2 }> = Deferred(AtomicWaker::new());
+
+impl<const FLAG: u8> Deferred<FLAG> {
+    /// Registers the task to be woken.
+    pub fn register(&self, waker: &core::task::Waker) {
+        self.0.register(waker);
+    }
+
+    /// Has the executor wake it.
+    #[inline(always)]
+    pub fn wake(&self) {
+        // SAFETY: GPIOR0 is a plain storage register; `sbi` is atomic.
+        unsafe { FLAGS.write_volatile(FLAGS.read_volatile() | FLAG) }
+    }
+
+    /// Wakes it if its flag is among these.
+    fn wake_if(&self, flags: u8) {
+        if flags & FLAG != 0 {
+            self.0.wake();
+        }
+    }
+}
 
 /// SMCR: sleep mode idle, sleep enabled (DS 10.11.1). Idle stops the CPU only; USART and timer run.
 const SMCR: *mut u8 = 0x53 as *mut u8;
@@ -22,7 +54,7 @@ const IDLE_ENABLED: u8 = 0b0000_0001;
 #[unsafe(export_name = "__pender")]
 fn pender(_context: *mut ()) {
     // SAFETY: GPIOR0 is a plain storage register; `sbi` is atomic.
-    unsafe { WORK.write_volatile(WORK.read_volatile() | WORK_BIT) }
+    unsafe { FLAGS.write_volatile(FLAGS.read_volatile() | WORK) }
 }
 
 /// Runs tasks for ever. `init` spawns the first of them; interrupts are enabled after it.
@@ -39,19 +71,21 @@ pub fn run(init: impl FnOnce(Spawner)) -> ! {
     unsafe { avr_device::interrupt::enable() };
     loop {
         avr_device::interrupt::disable();
-        // SAFETY: reads a plain storage register; interrupts are off.
-        let work = unsafe { WORK.read_volatile() } & WORK_BIT != 0;
-        if work {
-            // SAFETY: as above.
-            unsafe {
-                WORK.write_volatile(WORK.read_volatile() & !WORK_BIT);
-                avr_device::interrupt::enable();
-                // SAFETY: called from this one place, never from within itself.
-                executor.poll();
-            }
-        } else {
+        // SAFETY: a plain storage register; interrupts are off.
+        let flags = unsafe { FLAGS.read_volatile() };
+        if flags == 0 {
             // SAFETY: enables interrupts and waits for one; memory may be changed by it.
             unsafe { asm!("sei", "sleep") };
+            continue;
         }
+        // SAFETY: as above; what was set is seen to below.
+        unsafe {
+            FLAGS.write_volatile(0);
+            avr_device::interrupt::enable();
+        }
+        RECEIVER.wake_if(flags);
+        USER.wake_if(flags);
+        // SAFETY: called from this one place, never from within itself.
+        unsafe { executor.poll() };
     }
 }

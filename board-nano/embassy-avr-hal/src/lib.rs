@@ -11,7 +11,7 @@
 //!
 //! Timer1 belongs to this crate: it runs free at an eighth of the clock, compare B measures the
 //! silence on the line, compare A is the alarm of `embassy-time`. Timer0 and Timer2 are the user's.
-//! So is everything else, but for GPIOR0 bit 0 (the executor's "work to do") and bit 0 of PCMSK2
+//! So is everything else, but for GPIOR0 (flags of the executor), GPIOR1 (the line's) and bit 0 of PCMSK2
 //! (the start-bit detector, see [`usart`]).
 //!
 //! "DS" is the ATmega328P data sheet, Microchip DS40002061B.

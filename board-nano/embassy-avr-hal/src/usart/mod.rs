@@ -9,7 +9,8 @@
 //! at t3.5, never as an interrupt. An application that uses pin-change interrupts on port D takes one
 //! needless interrupt per edge on RXD.
 //!
-//! Interrupts are bound by one line in the binary, [`bind_usart0!`](crate::bind_usart0).
+//! Its interrupts wake tasks through [`executor::run`](crate::executor::run), which has to be the one that
+//! runs them. They are bound by one line in the binary, [`bind_usart0!`](crate::bind_usart0).
 
 mod character;
 mod registers;
@@ -23,6 +24,7 @@ use core::task::{Context, Poll};
 use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::rtu::Flaws;
 
+use crate::executor;
 use crate::gpio::{DriverEnable, PD0, PD1};
 use crate::pac::{TC1, USART0};
 use crate::timer1;
@@ -107,7 +109,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
             if state.machine.take_buffer() {
                 return Poll::Ready(self.lend(0));
             }
-            state.chip.user.register(context.waker());
+            executor::USER.register(context.waker());
             Poll::Pending
         })
     }
@@ -128,7 +130,7 @@ fn poll_settle(context: &Context) -> Poll<bool> {
     with(|state| match state.machine.verdict() {
         Some(stands) => Poll::Ready(stands),
         None => {
-            state.chip.user.register(context.waker());
+            executor::USER.register(context.waker());
             Poll::Pending
         }
     })
@@ -140,7 +142,7 @@ fn poll_sent(context: &Context) -> Poll<()> {
         if !state.machine.is_sending_or_due() {
             return Poll::Ready(());
         }
-        state.chip.user.register(context.waker());
+        executor::USER.register(context.waker());
         Poll::Pending
     })
 }
@@ -150,7 +152,7 @@ fn poll_heard(context: &Context) -> Poll<Result<u8, Flaws>> {
     with(|state| match state.machine.fetch() {
         Some(heard) => Poll::Ready(heard),
         None => {
-            state.chip.receiver.register(context.waker());
+            executor::RECEIVER.register(context.waker());
             Poll::Pending
         }
     })
@@ -194,7 +196,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
         poll_fn(|context| {
             with(|state| {
                 if state.machine.is_sending() {
-                    state.chip.user.register(context.waker());
+                    executor::USER.register(context.waker());
                     return Poll::Pending;
                 }
                 state.apply::<DE>(settings);

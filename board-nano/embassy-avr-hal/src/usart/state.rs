@@ -6,7 +6,6 @@
 use core::cell::UnsafeCell;
 use core::marker::PhantomData;
 
-use embassy_sync::waitqueue::AtomicWaker;
 use multidrop_firmware::line::Adu;
 use multidrop_firmware::protocol::line::{Interval, LineMachine, Wire};
 use multidrop_firmware::protocol::rtu::Heard;
@@ -14,6 +13,7 @@ use multidrop_firmware::protocol::rtu::Heard;
 use super::character::{Hot, set_attention};
 use super::registers::{self, Usart};
 use super::settings::Settings;
+use crate::executor;
 use crate::gpio::DriverEnable;
 use crate::timer1;
 
@@ -53,10 +53,6 @@ pub(super) struct State {
 /// The part of the chip that has a state of its own.
 pub(super) struct Chip {
     pub settings: Settings,
-    /// Woken when there is a frame to fetch.
-    pub receiver: AtomicWaker,
-    /// Woken when a frame is settled, an answer sent, the wire silent.
-    pub user: AtomicWaker,
 }
 
 /// Sets OCR1B. The TEMP register of 16-bit accesses (DS 16.3) is safe since interrupts are off.
@@ -101,8 +97,6 @@ impl State {
                     character: 0,
                     t3_5: 0,
                 },
-                receiver: AtomicWaker::new(),
-                user: AtomicWaker::new(),
             },
         }
     }
@@ -238,11 +232,11 @@ impl<DE: DriverEnable> Wire for Driven<'_, DE> {
 
     #[inline(always)]
     fn wake_receiver(&mut self) {
-        self.0.receiver.wake();
+        executor::RECEIVER.wake();
     }
 
     #[inline(always)]
     fn wake_user(&mut self) {
-        self.0.user.wake();
+        executor::USER.wake();
     }
 }

@@ -136,7 +136,8 @@ pub fn run<const MAY_FAIL: bool>(config: &Config, ops: &[Op], book: &mut Book) -
             Op::Talk { polite, chars } => lab.talk(*polite, chars),
             Op::Glitch(after) => {
                 circumstances.glitches = true;
-                lab.bus.chip.glitches.push(last + after);
+                let at = (last + after).max(lab.bus.chip.now + 1);
+                lab.bus.chip.glitches.push(at);
                 lab.bus.chip.glitches.sort_unstable();
             }
             Op::Cancel(after) => {

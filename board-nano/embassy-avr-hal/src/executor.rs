@@ -7,9 +7,10 @@
 //! wakes the CPU.
 
 use core::arch::asm;
+use core::cell::UnsafeCell;
 
 use embassy_executor::{Spawner, raw};
-use embassy_sync::waitqueue::AtomicWaker;
+use embassy_sync::waitqueue::WakerRegistration;
 
 /// GPIOR0 (DS 8.6.6) is in reach of `sbi` and `sbic`: setting a flag is one instruction, in interrupts
 /// too.
@@ -19,17 +20,25 @@ const WORK: u8 = 1 << 0;
 
 /// A waker whose waking an interrupt leaves to the executor. To wake a task takes some 200 cycles and
 /// all the registers that a function may change; to set a flag takes two cycles.
-pub(crate) struct Deferred<const FLAG: u8>(AtomicWaker);
+pub(crate) struct Deferred<const FLAG: u8>(UnsafeCell<WakerRegistration>);
+
+// SAFETY: tasks register and the loop of `run` wakes, one after the other; interrupts only set the flag.
+unsafe impl<const FLAG: u8> Sync for Deferred<FLAG> {}
 
 /// The task that waits for a frame from the line.
-pub(crate) static RECEIVER: Deferred<{ 1 << 1 }> = Deferred(AtomicWaker::new());
+pub(crate) static RECEIVER: Deferred<{ 1 << 1 }> = Deferred::new();
 /// The task that has the frame, or waits to transmit.
-pub(crate) static USER: Deferred<{ 1 << 2 }> = Deferred(AtomicWaker::new());
+pub(crate) static USER: Deferred<{ 1 << 2 }> = Deferred::new();
 
 impl<const FLAG: u8> Deferred<FLAG> {
-    /// Registers the task to be woken.
+    const fn new() -> Self {
+        Self(UnsafeCell::new(WakerRegistration::new()))
+    }
+
+    /// Registers the task to be woken. From a task, never from an interrupt.
     pub fn register(&self, waker: &core::task::Waker) {
-        self.0.register(waker);
+        // SAFETY: see `Sync`; nothing called from here comes back here.
+        unsafe { &mut *self.0.get() }.register(waker);
     }
 
     /// Has the executor wake it.
@@ -42,7 +51,8 @@ impl<const FLAG: u8> Deferred<FLAG> {
     /// Wakes it if its flag is among these.
     fn wake_if(&self, flags: u8) {
         if flags & FLAG != 0 {
-            self.0.wake();
+            // SAFETY: see `Sync`; waking puts a task into the queue and runs nothing.
+            unsafe { &mut *self.0.get() }.wake();
         }
     }
 }

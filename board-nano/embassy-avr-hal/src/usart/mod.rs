@@ -105,13 +105,11 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
 
     /// Takes the buffer once the wire is silent and the buffer free.
     fn poll_buffer(&self, context: &Context) -> Poll<Frame<'_, Self>> {
-        with(|state| {
-            if state.machine.take_buffer() {
-                return Poll::Ready(self.lend(0));
-            }
-            executor::USER.register(context.waker());
-            Poll::Pending
-        })
+        executor::USER.register(context.waker());
+        match with(|state| state.machine.take_buffer()) {
+            true => Poll::Ready(self.lend(0)),
+            false => Poll::Pending,
+        }
     }
 
     /// The buffer as a frame. The machine has lent it just now.
@@ -124,38 +122,33 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     }
 }
 
-// Not inlined: one copy of each serves every await of the tasks.
+// Not inlined: one copy of each serves every await of the tasks. The waker is registered first: what comes
+// between that and the look at the machine wakes.
 #[inline(never)]
 fn poll_settle(context: &Context) -> Poll<bool> {
-    with(|state| match state.machine.verdict() {
+    executor::USER.register(context.waker());
+    match with(|state| state.machine.verdict()) {
         Some(stands) => Poll::Ready(stands),
-        None => {
-            executor::USER.register(context.waker());
-            Poll::Pending
-        }
-    })
+        None => Poll::Pending,
+    }
 }
 
 #[inline(never)]
 fn poll_sent(context: &Context) -> Poll<()> {
-    with(|state| {
-        if !state.machine.is_sending_or_due() {
-            return Poll::Ready(());
-        }
-        executor::USER.register(context.waker());
-        Poll::Pending
-    })
+    executor::USER.register(context.waker());
+    match with(|state| state.machine.is_sending_or_due()) {
+        true => Poll::Pending,
+        false => Poll::Ready(()),
+    }
 }
 
 #[inline(never)]
 fn poll_heard(context: &Context) -> Poll<Result<u8, Flaws>> {
-    with(|state| match state.machine.fetch() {
+    executor::RECEIVER.register(context.waker());
+    match with(|state| state.machine.fetch()) {
         Some(heard) => Poll::Ready(heard),
-        None => {
-            executor::RECEIVER.register(context.waker());
-            Poll::Pending
-        }
-    })
+        None => Poll::Pending,
+    }
 }
 
 #[inline(never)]
@@ -194,9 +187,9 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
     async fn configure(&self, config: LineConfig) -> Result<(), LineError> {
         let settings = Settings::new(&config, CLOCK_HZ)?;
         poll_fn(|context| {
+            executor::USER.register(context.waker());
             with(|state| {
                 if state.machine.is_sending() {
-                    executor::USER.register(context.waker());
                     return Poll::Pending;
                 }
                 state.apply::<DE>(settings);

@@ -18,6 +18,10 @@ const LATENCY: u32 = 6;
 /// A frame is judged this part of t3.5 before t3.5: 0.8 %, more than two crystals differ.
 const JUDGED_EARLY: u32 = 128;
 
+/// Ticks by which it is judged early at the least: the interrupt that does it takes up to 243 cycles, and
+/// the next, which starts the answer, must not have to wait for it.
+const JUDGED_EARLY_MIN: u32 = 32;
+
 /// Everything about a line that depends on its configuration and the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
@@ -68,7 +72,11 @@ impl Settings {
         if t3_5 + character > u16::MAX as u32 {
             return Err(LineError::Baud { nearest: 2400 });
         }
-        let to_start = t3_5 / JUDGED_EARLY;
+        let to_start = if t3_5 / JUDGED_EARLY > JUDGED_EARLY_MIN {
+            t3_5 / JUDGED_EARLY
+        } else {
+            JUDGED_EARLY_MIN
+        };
         let to_complete = match config.inter_character {
             InterCharacter::Strict => t1_5,
             InterCharacter::Off => t3_5 - to_start,

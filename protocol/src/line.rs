@@ -19,7 +19,7 @@
 //! | settled | begins a frame | t3.5: a released answer starts |
 //! | silent | begins a frame | - |
 //! | sending | - (the receiver is off) | - |
-//! | sent | begins a frame | t3.5: silent |
+//! | sent, or held back | begins a frame | t3.5: silent |
 
 use crate::Adu;
 use crate::rtu::{Flaws, Heard, Transmission};
@@ -416,8 +416,11 @@ impl LineMachine {
             Verdict::Stands if self.phase == Phase::Settled => self.prepare(wire, len),
             Verdict::Stands if self.phase == Phase::Silent => {
                 if wire.start_bit_seen() {
-                    // If no character comes of it the next try must not fail as well.
+                    // Somebody may have begun to talk: the next try waits until t3.5 has passed without.
                     wire.clear_start_bit();
+                    self.phase = Phase::Sent;
+                    wire.alarm(Interval::T3_5);
+                    wire.alarm_on();
                     return;
                 }
                 self.prepare(wire, len);

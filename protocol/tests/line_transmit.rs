@@ -83,11 +83,29 @@ fn the_next_frame_waits_for_t3_5_behind_ours() {
     assert!(bus.chip.user_woken && try_to_transmit(&mut bus));
 }
 
-/// One that tries again and again must not do so for ever.
+/// One that tries again and again must not do so for ever, nor talk over a character of which only the
+/// start bit has come so far.
 #[test]
-fn an_edge_without_a_character_does_not_keep_a_line_from_sending() {
+fn an_edge_holds_a_line_back_for_t3_5() {
     let mut bus = bus();
     bus.chip.glitches.push(1200);
     bus.pass(5000);
-    assert!((0..2).any(|_| try_to_transmit(&mut bus)));
+    assert!(!try_to_transmit(&mut bus));
+    assert!(!try_to_transmit(&mut bus));
+    bus.pass(5000 + 340);
+    assert!(!bus.chip.user_woken && !try_to_transmit(&mut bus));
+    bus.pass(5000 + 460);
+    assert!(bus.chip.user_woken && try_to_transmit(&mut bus));
+}
+
+#[test]
+fn a_character_under_way_is_not_talked_over() {
+    let mut bus = bus();
+    hear(&mut bus, 4950);
+    bus.pass(5000);
+    assert!(!try_to_transmit(&mut bus));
+    bus.pass(5049 + 340);
+    assert!(!try_to_transmit(&mut bus));
+    bus.pass(5050 + 460);
+    assert!(try_to_transmit(&mut bus));
 }

@@ -104,6 +104,7 @@ fn a_character_under_way_is_not_talked_over() {
     hear(&mut bus, 4950);
     bus.pass(5000);
     assert!(!try_to_transmit(&mut bus));
+    assert!(!try_to_transmit(&mut bus));
     bus.pass(5049 + 340);
     assert!(!try_to_transmit(&mut bus));
     bus.pass(5050 + 460);

@@ -39,6 +39,12 @@ pub enum Command {
     },
     /// Run every check and test; the last line is `N passed, N failed`.
     Test,
+    /// Build an example of the HAL, for the tests; the last line is `image: PATH`.
+    #[command(hide = true)]
+    Example {
+        /// The example.
+        name: String,
+    },
     /// Write an image to a board.
     Flash(FlashRequest),
     /// Measure sizes, turnaround, jitter, interrupts, sleep and limits on the simulated bus.

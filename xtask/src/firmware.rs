@@ -29,6 +29,22 @@ pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
     Ok(())
 }
 
+/// `example`: an example of the HAL, and its path on the last line.
+///
+/// # Errors
+/// [`Error::usage`] for a missing compiler, before anything is built; else what cargo said.
+pub fn build_example(name: &str) -> Result<(), Error> {
+    setup::require(&[Purpose::Firmware])?;
+    let mut cargo = Builder::new()?.toolchain.cargo_in_board();
+    cargo
+        .args(["build", "--release", "--package", "embassy-avr-hal"])
+        .args(["--example", name, "--target-dir"])
+        .arg(repo::root().join("target/avr"));
+    repo::run(&mut cargo)?;
+    println!("image: target/avr/avr-none/release/examples/{name}.elf");
+    Ok(())
+}
+
 /// Builds images with one compiler, looked up once.
 pub struct Builder {
     toolchain: Toolchain,

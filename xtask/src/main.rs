@@ -46,6 +46,7 @@ fn run(command: Command) -> Result<(), Error> {
         Command::Setup { check: true } => setup::report(),
         Command::Setup { check: false } => setup::install(),
         Command::Build(request) => firmware::build_and_show(&request),
+        Command::Example { name } => firmware::build_example(&name),
         Command::Sim(request) => sim::run(&request),
         Command::Demo { hold } => demo::run(hold),
         Command::Test => check::run(),

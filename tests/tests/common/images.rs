@@ -41,20 +41,25 @@ fn run(command: &mut Command) -> String {
     text
 }
 
+/// What an xtask command has built: the path on its last line.
+fn built(arguments: &[&str]) -> PathBuf {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let text = run(Command::new(cargo)
+        .current_dir(root())
+        .arg("xtask")
+        .args(arguments));
+    let path = text
+        .lines()
+        .last()
+        .and_then(|line| line.strip_prefix("image: "))
+        .unwrap_or_else(|| panic!("no path in {text}"));
+    root().join(path)
+}
+
 /// The image of a Nano's application, as `cargo xtask build nano APP OPTIONS` makes it.
 pub fn image(app: &str, options: &[&str]) -> PathBuf {
     once(format!("{app} {}", options.join(" ")), || {
-        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-        let text = run(Command::new(cargo)
-            .current_dir(root())
-            .args(["xtask", "build", "nano", app])
-            .args(options));
-        let path = text
-            .lines()
-            .last()
-            .and_then(|line| line.strip_prefix("image: "))
-            .unwrap_or_else(|| panic!("no path in {text}"));
-        root().join(path)
+        built(&[&["build", "nano", app], options].concat())
     })
 }
 
@@ -77,46 +82,5 @@ pub fn registers(count: u8, line: Line) -> PathBuf {
 
 /// The image of an example of the HAL.
 pub fn example(name: &str) -> PathBuf {
-    once(format!("example {name}"), || {
-        let target = root().join("target/avr");
-        let mut cargo = firmware_cargo();
-        cargo
-            .current_dir(root().join("board-nano"))
-            .env("RUSTC_BOOTSTRAP", "1")
-            .args(["build", "--release", "--package", "embassy-avr-hal"])
-            .args(["--example", name, "--target-dir"])
-            .arg(&target);
-        // What cargo and rustup set for the host's build is not for the AVR's.
-        for variable in [
-            "RUSTFLAGS",
-            "CARGO_ENCODED_RUSTFLAGS",
-            "CARGO_BUILD_RUSTFLAGS",
-            "CARGO_BUILD_TARGET",
-            "CARGO_TARGET_DIR",
-            "CARGO",
-        ] {
-            cargo.env_remove(variable);
-        }
-        run(&mut cargo);
-        target.join(format!("avr-none/release/examples/{name}.elf"))
-    })
-}
-
-/// cargo of the firmware's compiler: the one that `cargo xtask setup` has left in rustup or, where
-/// there is no rustup, the distribution's.
-fn firmware_cargo() -> Command {
-    let Ok(listed) = Command::new("rustup").args(["toolchain", "list"]).output() else {
-        let mut cargo = Command::new("/usr/bin/cargo");
-        cargo.env("RUSTC", "/usr/bin/rustc");
-        return cargo;
-    };
-    let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
-    let names = || listed.lines().filter_map(|line| line.split(' ').next());
-    let toolchain = names()
-        .find(|name| name.starts_with("1.96.0"))
-        .or_else(|| names().find(|name| *name == "firmware"))
-        .expect("the firmware's compiler, from cargo xtask setup");
-    let mut cargo = Command::new("rustup");
-    cargo.args(["run", toolchain, "cargo"]);
-    cargo
+    once(format!("example {name}"), || built(&["example", name]))
 }

@@ -2,7 +2,7 @@
 //!
 //! ```no_run
 //! # use multidrop_bus::{Bus, Campaign, HostId, Line, NodeId};
-//! # fn a_bus() -> (Bus, HostId, HostId, Vec<NodeId>) { unimplemented!() }
+//! # fn example(a_bus: fn() -> (Bus, HostId, HostId, Vec<NodeId>)) {
 //! let line = Line::n81(38_400);
 //! Campaign::each(0..300, |mut campaign| {
 //!     let (mut bus, client, neighbour, nodes) = a_bus();
@@ -11,6 +11,7 @@
 //!     let heard = fault.strike(&mut bus, client, neighbour, &request);
 //!     // Hold what was heard, the record and what the nodes hold now against what should be.
 //! });
+//! # }
 //! ```
 
 use std::ops::Range;

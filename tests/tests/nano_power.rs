@@ -138,7 +138,7 @@ fn at_every_byte_of_an_answer() {
 
 #[test]
 fn at_any_instant() {
-    let mut random = Random(11);
+    let mut random = Random::new(11);
     for _ in 0..100 {
         let how = random.pick(&[Cut::Reset, Cut::Power]);
         let after = Time::from_ns(u64::from(random.below(65_000)) * 100);

@@ -91,7 +91,7 @@ fn a_reset_at_any_time_of_the_boot_drives_nothing() {
 #[test]
 fn traffic_that_is_not_ours_is_not_answered() {
     let mut rig = Rig::full();
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     for _ in 0..400 {
         let len = usize::from(random.below(40)) + 1;
         let bytes = match random.below(4) {
@@ -116,7 +116,7 @@ fn traffic_that_is_not_ours_is_not_answered() {
 #[test]
 fn noise_on_an_idle_bus_is_not_answered() {
     let mut rig = Rig::full();
-    let mut random = Random(8);
+    let mut random = Random::new(8);
     for _ in 0..500 {
         let from = rig.bus.now() + Time::from_ns(u64::from(random.below(40_000)));
         let length = Time::from_ns(u64::from(random.next() as u16) * 4);

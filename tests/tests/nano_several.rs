@@ -155,7 +155,7 @@ fn converse(line: Line, seed: u64) -> usize {
     const COUNT: u16 = 128;
     let mut rig = Rig::registers(COUNT as u8, line);
     let mut model = Model::new(1, usize::from(COUNT));
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut done = 0;
     for index in 0..500 {
         let request = request(&mut random, &[1], COUNT);
@@ -208,7 +208,7 @@ fn five_hundred_requests_to_three_units_agree_with_the_model() {
     let mut model = Model::new(1, 16);
     // Registers of the demonstration units, seen by FC 03 and 06.
     let mut others = [0u16; 2];
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     for index in 0..500 {
         let (request, expected) = match random.below(3) {
             0 => {

@@ -143,7 +143,7 @@ impl Desk {
             node,
             host,
             count: image.count,
-            random: Random(u64::from(image.baud) << 8 | u64::from(image.count)),
+            random: Random::new(u64::from(image.baud) << 8 | u64::from(image.count)),
             name: image.name(),
             line: image.line(),
             model: Model::new(UNIT, usize::from(image.count)),

@@ -7,6 +7,7 @@
 use embassy_avr_hal::gpio::{PortBOut, PortDOut};
 use multidrop_firmware::protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
+use multidrop_firmware::protocol::registers::within;
 use multidrop_firmware::protocol::server::DataModel;
 
 use crate::DE_MASK;
@@ -43,14 +44,6 @@ impl DemoUnit {
 impl Default for DemoUnit {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-/// Whether `count` items from `first` on are among the `size` that exist.
-fn within(first: u16, count: u16, size: u16) -> Result<(), Exception> {
-    match first.checked_add(count) {
-        Some(end) if end <= size => Ok(()),
-        _ => Err(Exception::IllegalDataAddress),
     }
 }
 

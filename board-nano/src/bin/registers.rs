@@ -8,7 +8,7 @@ use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
 use multidrop_firmware::protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::protocol::registers::{Bank, CoilBank};
+use multidrop_firmware::protocol::registers::{Bank, CoilBank, within};
 use multidrop_firmware::protocol::server::{DataModel, Functions, Server};
 use multidrop_firmware::{Port, PortConfig, Shared};
 use static_cell::StaticCell;
@@ -27,16 +27,6 @@ struct Model {
     coils: CoilBank<{ COUNT.div_ceil(8) }>,
 }
 
-impl Model {
-    /// Whether `count` inputs from `first` on exist.
-    fn check(first: u16, count: u16) -> Result<(), Exception> {
-        match first.checked_add(count) {
-            Some(end) if end <= COUNT as u16 => Ok(()),
-            _ => Err(Exception::IllegalDataAddress),
-        }
-    }
-}
-
 impl DataModel for Model {
     const WRITES_MAY_FAIL: bool = false;
 
@@ -45,7 +35,7 @@ impl DataModel for Model {
     }
 
     fn discrete_inputs(&mut self, first: u16, mut out: CoilsOut<'_>) -> Result<(), Exception> {
-        Self::check(first, out.len())?;
+        within(first, out.len(), COUNT as u16)?;
         out.fill_from((first..).map(|address| address % 3 == 0));
         Ok(())
     }
@@ -55,7 +45,7 @@ impl DataModel for Model {
     }
 
     fn input_registers(&mut self, first: u16, mut out: RegistersOut<'_>) -> Result<(), Exception> {
-        Self::check(first, out.len() as u16)?;
+        within(first, out.len() as u16, COUNT as u16)?;
         out.fill_from((first..).map(|address| 0x1000 + address));
         Ok(())
     }

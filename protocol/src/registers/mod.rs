@@ -9,3 +9,19 @@ mod coil_bank;
 
 pub use bank::Bank;
 pub use coil_bank::CoilBank;
+
+use crate::exception::Exception;
+
+/// Whether `count` items from address `first` on are among those that exist, 0 to `size` - 1: for tables that are computed
+/// rather than kept.
+///
+/// # Errors
+///
+/// [`Exception::IllegalDataAddress`] unless all of them are.
+#[inline]
+pub const fn within(first: u16, count: u16, size: u16) -> Result<(), Exception> {
+    match first.checked_add(count) {
+        Some(end) if end <= size => Ok(()),
+        _ => Err(Exception::IllegalDataAddress),
+    }
+}

@@ -47,12 +47,7 @@ impl Shared {
 
 pub(super) struct State {
     pub machine: LineMachine,
-    pub chip: Chip,
-}
-
-/// The part of the chip that has a state of its own.
-pub(super) struct Chip {
-    pub settings: Settings,
+    settings: Settings,
 }
 
 /// Sets OCR1B. The TEMP register of 16-bit accesses (DS 16.3) is safe since interrupts are off.
@@ -79,24 +74,22 @@ fn advance_compare(ticks: u16) {
 /// Ticks to an alarm that is overdue: enough for the compare register to be written before.
 const SOON: u16 = 4;
 
-/// The chip with its DE pin.
-pub(super) struct Driven<'c, DE>(&'c mut Chip, PhantomData<DE>);
+/// The chip, as it is set up, with its DE pin.
+pub(super) struct Driven<'s, DE>(&'s Settings, PhantomData<DE>);
 
 impl State {
     pub const fn new() -> Self {
         Self {
             machine: LineMachine::new(),
-            chip: Chip {
-                settings: Settings {
-                    ubrr: 0,
-                    ucsra: 0,
-                    ucsrc: 0,
-                    to_complete: 0,
-                    to_stand: 0,
-                    to_start: 0,
-                    character: 0,
-                    t3_5: 0,
-                },
+            settings: Settings {
+                ubrr: 0,
+                ucsra: 0,
+                ucsrc: 0,
+                to_complete: 0,
+                to_stand: 0,
+                to_start: 0,
+                character: 0,
+                t3_5: 0,
             },
         }
     }
@@ -104,12 +97,12 @@ impl State {
     /// The machine, and the chip for it.
     #[inline(always)]
     pub fn parts<DE>(&mut self) -> (&mut LineMachine, Driven<'_, DE>) {
-        (&mut self.machine, Driven(&mut self.chip, PhantomData))
+        (&mut self.machine, Driven(&self.settings, PhantomData))
     }
 
     /// Puts settings into the USART and starts the machine anew.
     pub fn apply<DE: DriverEnable>(&mut self, settings: Settings) {
-        self.chip.settings = settings;
+        self.settings = settings;
         registers::set_up(&settings);
         // SAFETY: interrupts are off.
         unsafe { Hot::get() }.to_complete = settings.to_complete;
@@ -151,7 +144,7 @@ impl<DE: DriverEnable> Wire for Driven<'_, DE> {
 
     #[inline(always)]
     fn alarm(&mut self, interval: Interval) -> bool {
-        let settings = &self.0.settings;
+        let settings = self.0;
         let ticks = match interval {
             Interval::ToStand => settings.to_stand,
             Interval::ToStandLessCharacter => settings.to_stand.saturating_sub(settings.character),
@@ -200,7 +193,7 @@ impl<DE: DriverEnable> Wire for Driven<'_, DE> {
     #[inline(always)]
     fn talk(&mut self, first: u8) {
         DE::raise();
-        registers::send(&self.0.settings);
+        registers::send(self.0);
         Usart::put(first);
     }
 
@@ -215,7 +208,7 @@ impl<DE: DriverEnable> Wire for Driven<'_, DE> {
         if last {
             // Had this interrupt come late, TXC would stand for the character before. The byte just
             // written keeps it from being set anew for a whole character.
-            registers::clear_sent(&self.0.settings);
+            registers::clear_sent(self.0);
         }
     }
 

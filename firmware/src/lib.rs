@@ -10,6 +10,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod config;
 pub mod line;
 pub mod port;
 pub mod receive;
@@ -18,9 +19,10 @@ pub mod shared;
 
 mod message;
 
+pub use config::PortConfig;
 pub use line::{Frame, InterCharacter, Line, LineConfig};
 pub use multidrop_protocol as protocol;
-pub use port::{Port, PortConfig};
+pub use port::Port;
 pub use receive::receive;
 pub use serve::serve;
 pub use shared::Shared;

@@ -45,6 +45,17 @@ pub const fn clock(default: u32) -> u32 {
     clock
 }
 
+/// Whether `MULTIDROP_ASCII` is `1`: ASCII framing instead of RTU, for the applications that can be built for both.
+pub const fn ascii() -> bool {
+    match option_env!("MULTIDROP_ASCII") {
+        None => false,
+        Some(value) => match value.as_bytes() {
+            b"1" => true,
+            _ => panic!("MULTIDROP_ASCII must be 1 or not be set"),
+        },
+    }
+}
+
 const fn number(text: Option<&str>, default: u32) -> u32 {
     let Some(text) = text else { return default };
     match u32::from_str_radix(text, 10) {

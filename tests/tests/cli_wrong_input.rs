@@ -88,9 +88,9 @@ fn a_wrong_board() {
 fn a_wrong_application() {
     let applications = ["blink", "demo-unit", "registers"];
     refused("app", &["build", "nano", "blink"], &applications);
-    let later = ["relay-panel is not in this version", "demo-unit"];
-    refused("app", &["build", "nano", "relay-panel"], &later);
-    assert_no_image("nano-relay-panel");
+    let later = ["ports is not in this version", "demo-unit"];
+    refused("app", &["build", "nano", "ports"], &later);
+    assert_no_image("nano-ports");
 }
 
 #[test]
@@ -140,6 +140,19 @@ fn a_format_that_rtu_cannot_use() {
     let words = ["build", "nano", "registers", "--format", "7E1"];
     refused("format", &words, &["--format 7E1", "8 data bits", "8N1"]);
     assert_no_image("nano-registers-format7E1");
+}
+
+#[test]
+fn ascii_and_a_line_where_they_are_not_to_be_had() {
+    let words = ["build", "nano", "registers", "--ascii"];
+    refused("ascii", &words, &["--ascii", "registers", "conformance"]);
+    assert_no_image("nano-registers-ascii");
+    let words = ["sim", "registers", "--format", "8E1"];
+    refused(
+        "line",
+        &words,
+        &["--format", "registers", "nano-conformance"],
+    );
 }
 
 #[test]

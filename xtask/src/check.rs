@@ -1,5 +1,6 @@
 //! `test`: every check and test of the repository, counted on the last line.
 
+use crate::cli::LineOptions;
 use crate::error::Error;
 use crate::firmware::{Builder, collect_files};
 use crate::image::{App, Board, Format, Image, Options};
@@ -132,8 +133,20 @@ fn all_images() -> Vec<Image> {
     ];
     let mut images = Vec::new();
     images.extend(Image::new(Board::Nano, App::DemoUnit, Options::default()));
-    for scenario in [Scenario::DemoUnit, Scenario::Registers] {
-        images.extend(scenario.images().expect("in this version"));
+    let ascii = LineOptions {
+        ascii: true,
+        ..LineOptions::default()
+    };
+    for (scenario, line) in [
+        (Scenario::DemoUnit, LineOptions::default()),
+        (Scenario::Registers, LineOptions::default()),
+        (Scenario::RelayPanel, LineOptions::default()),
+        (Scenario::NanoConformance, LineOptions::default()),
+        (Scenario::NanoConformance, ascii),
+        (Scenario::ClientFunctions, LineOptions::default()),
+        (Scenario::ClientFunctions, ascii),
+    ] {
+        images.extend(scenario.images(line).expect("in this version"));
     }
     images.extend(variants.map(|options| registers(options).expect("a valid image")));
     images

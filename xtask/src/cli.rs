@@ -83,12 +83,15 @@ pub struct ImageOptions {
     /// Baud rate, 2400..=1000000, within 2.5 % of what the clock makes [default: 38400]
     #[arg(long, value_name = "N")]
     baud: Option<u32>,
-    /// Character format: data bits, parity, stop bits [default: 8N1]
+    /// Character format: data bits, parity, stop bits; those of 7 bits with --ascii [default: 8N1]
     #[arg(long, value_enum, ignore_case = true)]
     format: Option<Format>,
     /// CPU clock in Hz of a board with another crystal, 8000000..=20000000 [default: 16000000]
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(8_000_000..=20_000_000))]
     clock: Option<u32>,
+    /// ASCII instead of RTU, for conformance; 7E1 if no format is given
+    #[arg(long)]
+    ascii: bool,
 }
 
 impl From<&ImageOptions> for Options {
@@ -99,6 +102,7 @@ impl From<&ImageOptions> for Options {
             baud: given.baud,
             format: given.format,
             clock: given.clock,
+            ascii: given.ascii,
         }
     }
 }
@@ -118,6 +122,22 @@ pub struct SimRequest {
     /// Send this canned message onto the bus once the nodes listen; a wrong name lists them.
     #[arg(long, value_name = "NAME")]
     pub inject: Option<String>,
+    #[command(flatten)]
+    pub line: LineOptions,
+}
+
+/// The line of a scenario whose image can be built for several.
+#[derive(Args, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineOptions {
+    /// Baud rate of nano-conformance, as for build [default: 38400]
+    #[arg(long, value_name = "N")]
+    pub baud: Option<u32>,
+    /// Character format of nano-conformance [default: 8N1, 7E1 for ASCII]
+    #[arg(long, value_enum, ignore_case = true)]
+    pub format: Option<Format>,
+    /// nano-conformance in ASCII
+    #[arg(long)]
+    pub ascii: bool,
 }
 
 /// Which image goes where.

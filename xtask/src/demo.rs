@@ -1,5 +1,6 @@
 //! `demo`: sets up, builds, and becomes the demonstration.
 
+use crate::cli::LineOptions;
 use crate::error::Error;
 use crate::needs::Purpose;
 use crate::sim::{Scenario, become_program, build_images, program};
@@ -13,7 +14,7 @@ pub fn run(hold: bool) -> Result<(), Error> {
     setup::prepare(&[Purpose::Firmware, Purpose::Simulator, Purpose::Client])?;
     let mbpoll = repo::in_path("mbpoll").ok_or_else(|| Error::usage("mbpoll is not installed"))?;
     let mut demo = program("demo");
-    for path in build_images(&Scenario::DemoUnit.images()?)? {
+    for path in build_images(&Scenario::DemoUnit.images(LineOptions::default())?)? {
         demo.arg("--image").arg(path);
     }
     demo.arg("--mbpoll").arg(mbpoll);

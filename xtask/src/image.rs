@@ -32,21 +32,52 @@ pub enum App {
     DemoUnit,
     /// The yardstick: N of each table
     Registers,
-    /// Every function, for conformance tests
-    #[value(hide = true)]
+    /// Every function, for conformance tests: unit 17
     Conformance,
     /// Counters and sampled sensors
     #[value(hide = true)]
     SensorNode,
-    /// A client with two relays
-    #[value(hide = true)]
+    /// A client that toggles two relays of unit 1 and shows their state
     RelayPanel,
+    /// The unit with the relays
+    RelayBoard,
+    /// A client that asks every function once, for tests
+    #[value(hide = true)]
+    ClientFunctions,
     /// Four ports at once
     #[value(hide = true)]
     Ports,
 }
 
-/// Bits of a character. Those of 7 data bits are known, so that their refusal can say why.
+impl App {
+    /// Those that can be built.
+    const BUILT: [Self; 6] = [
+        Self::DemoUnit,
+        Self::Registers,
+        Self::Conformance,
+        Self::RelayPanel,
+        Self::RelayBoard,
+        Self::ClientFunctions,
+    ];
+
+    /// Whether it can be built for ASCII.
+    const fn has_ascii(self) -> bool {
+        matches!(self, Self::Conformance | Self::ClientFunctions)
+    }
+}
+
+/// The words of those in `all` that users are told of.
+pub fn words<T: ValueEnum>(all: impl IntoIterator<Item = T>) -> String {
+    let words: Vec<_> = all
+        .into_iter()
+        .filter_map(|one| one.to_possible_value())
+        .filter(|value| !value.is_hide_set())
+        .map(|value| value.get_name().to_owned())
+        .collect();
+    words.join(", ")
+}
+
+/// Bits of a character. Those of 7 data bits are for ASCII alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 #[value(rename_all = "UPPER")]
 #[allow(
@@ -62,11 +93,11 @@ pub enum Format {
     Bits8Odd1,
     #[value(name = "8N2")]
     Bits8None2,
-    #[value(name = "7E1", hide = true)]
+    #[value(name = "7E1")]
     Bits7Even1,
-    #[value(name = "7O1", hide = true)]
+    #[value(name = "7O1")]
     Bits7Odd1,
-    #[value(name = "7N2", hide = true)]
+    #[value(name = "7N2")]
     Bits7None2,
 }
 
@@ -92,6 +123,8 @@ pub struct Options {
     pub format: Option<Format>,
     /// CPU clock in Hz, for boards with another crystal.
     pub clock: Option<u32>,
+    /// ASCII framing instead of RTU; the format is then 7E1 unless another is given.
+    pub ascii: bool,
 }
 
 /// One image that can be built: checked, so that the build cannot be asked for nonsense.
@@ -106,37 +139,47 @@ impl Image {
     /// # Errors
     /// [`Error::usage`] for a board or application that is not in this version, an option that the
     /// application does not have, a baud rate that the clock cannot make within 2.5 %, and a
-    /// 7-bit format.
+    /// 7-bit format for RTU.
     pub fn new(board: Board, app: App, options: Options) -> Result<Self, Error> {
         if board == Board::Stm32 {
             return Err(Error::usage(
                 "board-stm32 is not in this version; the boards are: nano",
             ));
         }
-        if !matches!(app, App::DemoUnit | App::Registers) {
+        if !App::BUILT.contains(&app) {
             return Err(Error::usage(format!(
-                "the application {} is not in this version; the applications are: demo-unit, registers",
-                word(app)
+                "the application {} is not in this version; the applications are: {}",
+                word(app),
+                words(App::BUILT)
             )));
         }
         if options.unit.is_some() && app != App::DemoUnit {
             return Err(Error::usage(format!(
-                "--unit: {} has the fixed unit id 1; only demo-unit takes a unit id",
+                "--unit: {} has a fixed unit id or none; only demo-unit takes a unit id",
                 word(app)
             )));
         }
         if options.count.is_some() && app != App::Registers {
             return Err(Error::usage(format!(
-                "--count: {} has one register; only registers takes a count",
+                "--count: {} has tables of its own; only registers takes a count",
                 word(app)
+            )));
+        }
+        if options.ascii && !app.has_ascii() {
+            return Err(Error::usage(format!(
+                "--ascii: {} speaks RTU; {} takes --ascii",
+                word(app),
+                words(App::BUILT.into_iter().filter(|app| app.has_ascii()))
             )));
         }
         if options.baud.is_some() || options.clock.is_some() {
             let clock_hz = options.clock.unwrap_or(board.clock_hz());
             check_baud(clock_hz, options.baud.unwrap_or(DEFAULT_BAUD))?;
         }
-        if let Some(format) = options.format {
-            check_rtu_format(format)?;
+        if let Some(format) = options.format
+            && !options.ascii
+        {
+            check_rtu_format(format, app.has_ascii())?;
         }
         Ok(Self {
             board,
@@ -151,11 +194,14 @@ impl Image {
     }
 
     /// File name without extension: board, application, then the options that were given, in the
-    /// order unit, count, baud, format, clock.
+    /// order unit, count, baud, format, clock, ascii.
     pub fn stem(&self) -> String {
         let mut stem = format!("{}-{}", word(self.board), word(self.app));
         for (name, value) in self.given() {
-            stem.push_str(&format!("-{name}{value}"));
+            stem.push_str(&match name {
+                "ascii" => "-ascii".to_owned(),
+                _ => format!("-{name}{value}"),
+            });
         }
         stem
     }
@@ -169,7 +215,7 @@ impl Image {
     /// with nothing for an option that was not given.
     pub fn environment(&self) -> Vec<(String, Option<String>)> {
         let given = self.given();
-        ["unit", "count", "baud", "format", "clock"]
+        ["unit", "count", "baud", "format", "clock", "ascii"]
             .into_iter()
             .map(|name| {
                 let value = given
@@ -188,6 +234,7 @@ impl Image {
             baud,
             format,
             clock,
+            ascii,
         } = self.options;
         [
             ("unit", unit.map(|n| n.to_string())),
@@ -195,6 +242,7 @@ impl Image {
             ("baud", baud.map(|n| n.to_string())),
             ("format", format.map(word)),
             ("clock", clock.map(|n| n.to_string())),
+            ("ascii", ascii.then(|| "1".to_owned())),
         ]
         .into_iter()
         .filter_map(|(name, value)| Some((name, value?)))
@@ -206,7 +254,7 @@ impl Image {
 const BAUD_RANGE: std::ops::RangeInclusive<u32> = 2_400..=1_000_000;
 
 /// What the applications are built for if nothing else is asked for.
-const DEFAULT_BAUD: u32 = 38_400;
+pub const DEFAULT_BAUD: u32 = 38_400;
 
 fn check_baud(clock_hz: u32, baud: u32) -> Result<(), Error> {
     if !BAUD_RANGE.contains(&baud) {
@@ -226,13 +274,14 @@ fn check_baud(clock_hz: u32, baud: u32) -> Result<(), Error> {
     }
 }
 
-fn check_rtu_format(format: Format) -> Result<(), Error> {
+fn check_rtu_format(format: Format, has_ascii: bool) -> Result<(), Error> {
     match format {
         Format::Bits8None1 | Format::Bits8Even1 | Format::Bits8Odd1 | Format::Bits8None2 => Ok(()),
         Format::Bits7Even1 | Format::Bits7Odd1 | Format::Bits7None2 => Err(Error::usage(format!(
-            "--format {}: RTU sends bytes and needs 8 data bits; 7 are for ASCII, which is not \
-                 in this version. The formats for RTU are: 8N1, 8E1, 8O1, 8N2",
-            word(format)
+            "--format {}: RTU sends bytes and needs 8 data bits, 7 are for ASCII{}. The formats for \
+             RTU are: 8N1, 8E1, 8O1, 8N2",
+            word(format),
+            if has_ascii { ", --ascii" } else { "" }
         ))),
     }
 }
@@ -293,6 +342,7 @@ mod tests {
                 ("MULTIDROP_BAUD".to_owned(), Some("9600".to_owned())),
                 ("MULTIDROP_FORMAT".to_owned(), None),
                 ("MULTIDROP_CLOCK".to_owned(), None),
+                ("MULTIDROP_ASCII".to_owned(), None),
             ]
         );
     }
@@ -353,6 +403,29 @@ mod tests {
         };
         assert!(with(Format::Bits8None2).is_ok());
         assert!(refusal(with(Format::Bits7Even1)).contains("7E1"));
+        let ascii = Options {
+            baud: Some(19_200),
+            format: Some(Format::Bits7Even1),
+            ascii: true,
+            ..Options::default()
+        };
+        let image = nano(App::Conformance, ascii).unwrap();
+        assert_eq!(image.stem(), "nano-conformance-baud19200-format7E1-ascii");
+        assert!(
+            image
+                .environment()
+                .contains(&("MULTIDROP_ASCII".to_owned(), Some("1".to_owned())))
+        );
+        let text = refusal(nano(App::Registers, ascii));
+        assert_eq!(
+            text,
+            "--ascii: registers speaks RTU; conformance takes --ascii"
+        );
+        let rtu = Options {
+            ascii: false,
+            ..ascii
+        };
+        assert!(refusal(nano(App::Conformance, rtu)).contains("--ascii"));
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! `sim`: builds the images of a scenario, then becomes the simulated bus.
 
-use crate::cli::SimRequest;
+use crate::cli::{LineOptions, SimRequest};
 use crate::error::Error;
 use crate::firmware::Builder;
-use crate::image::{App, Board, Image, Options, word};
+use crate::image::{App, Board, DEFAULT_BAUD, Format, Image, Options, word, words};
 use crate::needs::Purpose;
 use crate::{repo, setup};
 use clap::ValueEnum;
@@ -18,12 +18,13 @@ pub enum Scenario {
     DemoUnit,
     /// One Nano
     Registers,
-    /// A client and a server
-    #[value(hide = true)]
+    /// A Nano that is a client and one that is its server; the pseudo terminal listens in
     RelayPanel,
-    /// Every function on a Nano
-    #[value(hide = true)]
+    /// Every function on a Nano, unit 17
     NanoConformance,
+    /// A Nano that is a client; the pseudo terminal is for a server
+    #[value(hide = true)]
+    ClientFunctions,
     /// Every function on an STM32
     #[value(hide = true)]
     Stm32Conformance,
@@ -36,31 +37,58 @@ pub enum Scenario {
 }
 
 impl Scenario {
+    /// Those that can be run.
+    const BUILT: [Self; 5] = [
+        Self::DemoUnit,
+        Self::Registers,
+        Self::NanoConformance,
+        Self::RelayPanel,
+        Self::ClientFunctions,
+    ];
+
     /// The images of the nodes, in the order of their places on the bus.
     ///
     /// # Errors
-    /// [`Error::usage`] for a scenario that is not in this version.
-    pub fn images(self) -> Result<Vec<Image>, Error> {
+    /// [`Error::usage`] for a scenario that is not in this version, and for options of the line that it does not
+    /// have.
+    pub fn images(self, line: LineOptions) -> Result<Vec<Image>, Error> {
+        if !Self::BUILT.contains(&self) {
+            return Err(Error::usage(format!(
+                "the scenario {} is not in this version; the scenarios are: {}",
+                word(self),
+                words(Self::BUILT)
+            )));
+        }
+        let lined = matches!(self, Self::NanoConformance | Self::ClientFunctions);
+        if !lined && line != LineOptions::default() {
+            return Err(Error::usage(format!(
+                "--baud, --format, --ascii: the line of {} is 38400 8N1, RTU; only nano-conformance takes \
+                 these options",
+                word(self)
+            )));
+        }
+        let options = Options {
+            baud: line.baud,
+            format: line.format,
+            ascii: line.ascii,
+            ..Options::default()
+        };
+        let nano = |app, options| Image::new(Board::Nano, app, options);
         match self {
             Self::DemoUnit => [1, 2, 3]
                 .into_iter()
                 .map(|unit| {
-                    let options = Options {
-                        unit: Some(unit),
-                        ..Options::default()
-                    };
-                    Image::new(Board::Nano, App::DemoUnit, options)
+                    let unit = Some(unit);
+                    nano(App::DemoUnit, Options { unit, ..options })
                 })
                 .collect(),
-            Self::Registers => Ok(vec![Image::new(
-                Board::Nano,
-                App::Registers,
-                Options::default(),
-            )?]),
-            later => Err(Error::usage(format!(
-                "the scenario {} is not in this version; the scenarios are: demo-unit, registers",
-                word(later)
-            ))),
+            Self::RelayPanel => [App::RelayPanel, App::RelayBoard]
+                .into_iter()
+                .map(|app| nano(app, options))
+                .collect(),
+            Self::NanoConformance => Ok(vec![nano(App::Conformance, options)?]),
+            Self::ClientFunctions => Ok(vec![nano(App::ClientFunctions, options)?]),
+            _ => Ok(vec![nano(App::Registers, options)?]),
         }
     }
 }
@@ -71,7 +99,7 @@ impl Scenario {
 /// # Errors
 /// [`Error::usage`] before anything is built, for a scenario, link or machine that will not do.
 pub fn run(request: &SimRequest) -> Result<(), Error> {
-    let images = request.scenario.images()?;
+    let images = request.scenario.images(request.line)?;
     check_link(&request.link)?;
     setup::require(&[Purpose::Firmware, Purpose::Simulator])?;
     let paths = build_images(&images)?;
@@ -82,6 +110,19 @@ pub fn run(request: &SimRequest) -> Result<(), Error> {
         bus.arg("--image").arg(path);
     }
     bus.arg("--link").arg(&request.link);
+    let LineOptions {
+        baud,
+        format,
+        ascii,
+    } = request.line;
+    let default = if ascii {
+        Format::Bits7Even1
+    } else {
+        Format::Bits8None1
+    };
+    bus.arg("--baud")
+        .arg(baud.unwrap_or(DEFAULT_BAUD).to_string());
+    bus.arg("--format").arg(word(format.unwrap_or(default)));
     if let Some(seconds) = request.seconds {
         bus.arg("--seconds").arg(seconds.to_string());
     }
@@ -144,7 +185,9 @@ mod tests {
     #[test]
     fn every_scenario_has_its_images_or_says_that_it_is_not_there_yet() {
         let stems = |scenario: Scenario| -> Vec<_> {
-            let images = scenario.images().expect("in this version");
+            let images = scenario
+                .images(LineOptions::default())
+                .expect("in this version");
             images.iter().map(Image::stem).collect()
         };
         assert_eq!(
@@ -156,9 +199,31 @@ mod tests {
             ]
         );
         assert_eq!(stems(Scenario::Registers), ["nano-registers"]);
-        let error = Scenario::Mixed.images().expect_err("not there yet");
+        assert_eq!(
+            stems(Scenario::RelayPanel),
+            ["nano-relay-panel", "nano-relay-board"]
+        );
+        let error = Scenario::Mixed.images(LineOptions::default());
+        let error = error.expect_err("not there yet");
         assert_eq!(error.code(), 2);
         assert!(error.message().contains("mixed is not in this version"));
+    }
+
+    #[test]
+    fn only_a_scenario_with_variants_takes_a_line() {
+        let line = LineOptions {
+            baud: Some(19_200),
+            format: None,
+            ascii: true,
+        };
+        let images = Scenario::NanoConformance
+            .images(line)
+            .expect("it has variants");
+        assert_eq!(images[0].stem(), "nano-conformance-baud19200-ascii");
+        let error = Scenario::Registers.images(line).expect_err("it has none");
+        assert_eq!(error.code(), 2);
+        let said = "the line of registers is 38400 8N1, RTU; only nano-conformance";
+        assert!(error.message().contains(said), "{}", error.message());
     }
 
     #[test]

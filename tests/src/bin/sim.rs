@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 
 use clap::error::ErrorKind;
 use clap::{Parser, ValueEnum};
-use multidrop_bus::{Bus, BusConfig, BusError, HostPort, Line, Live, LiveError, Nano, Time};
+use multidrop_bus::{
+    Bus, BusConfig, BusError, Format, HostPort, Line, Live, LiveError, Nano, Time,
+};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 /// Time given to the nodes to boot: many times what they need, t3.5 included.
@@ -30,6 +32,12 @@ struct Arguments {
     /// End after so many seconds
     #[arg(long, value_name = "N")]
     seconds: Option<u64>,
+    /// The baud rate of the line
+    #[arg(long, value_name = "N", default_value_t = 38_400)]
+    baud: u32,
+    /// The format of its characters
+    #[arg(long, value_name = "FORMAT", default_value = "8N1")]
+    format: Format,
     /// Send a canned frame as soon as the nodes listen, and show it with what it caused
     #[arg(long, value_name = "NAME")]
     inject: Option<Canned>,
@@ -41,6 +49,12 @@ enum Scenario {
     DemoUnit,
     /// One Nano with unit id 1
     Registers,
+    /// A Nano that is a client, and its server
+    RelayPanel,
+    /// Every function, unit 17
+    NanoConformance,
+    /// A Nano that is a client
+    ClientFunctions,
 }
 
 impl Scenario {
@@ -53,6 +67,9 @@ impl Scenario {
                 "nano-demo-unit-unit3.elf",
             ],
             Scenario::Registers => &["nano-registers.elf"],
+            Scenario::RelayPanel => &["nano-relay-panel.elf", "nano-relay-board.elf"],
+            Scenario::NanoConformance => &["nano-conformance.elf"],
+            Scenario::ClientFunctions => &["nano-client-functions.elf"],
         }
     }
 }
@@ -140,7 +157,10 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(SimError::Signals)?;
     }
-    let line = Line::n81(38_400);
+    let line = Line {
+        baud: arguments.baud,
+        format: arguments.format,
+    };
     let mut bus = Bus::new(BusConfig::default());
     for (index, image) in images(arguments)?.into_iter().enumerate() {
         let mut nano = Nano::new(format!("unit {}", index + 1), image);

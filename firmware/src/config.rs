@@ -1,9 +1,9 @@
 //! The configuration of a port, fixed and checked at compile time.
 
 use multidrop_protocol::format::LineFormat;
+use multidrop_protocol::message::Message;
 
 use crate::line::{InterCharacter, LineConfig};
-use crate::message::Message;
 
 /// Configuration of one port, built in a `const`: a wrong value stops the build with a message that
 /// names port, field and value.

@@ -17,8 +17,6 @@ pub mod receive;
 pub mod serve;
 pub mod shared;
 
-mod message;
-
 pub use config::PortConfig;
 pub use line::{Frame, InterCharacter, Line, LineConfig};
 pub use multidrop_protocol as protocol;

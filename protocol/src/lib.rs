@@ -12,7 +12,8 @@
 //! | [`function`], [`exception`] | codes and limits of the standard |
 //! | [`data`] | blocks of coils and registers as they stand in a frame |
 //! | [`server`] | a request in, an answer out, in one buffer |
-//! | [`registers`] | dense banks of registers and coils for a data model |
+//! | [`registers`] | banks of registers and coils for a data model, rules on what may be written |
+//! | [`message`] | text of build errors |
 //!
 //! # Sources
 //!
@@ -27,6 +28,7 @@ pub mod exception;
 pub mod format;
 pub mod function;
 pub mod line;
+pub mod message;
 pub mod registers;
 pub mod rtu;
 pub mod server;

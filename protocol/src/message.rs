@@ -1,23 +1,29 @@
-//! Text put together at compile time: `panic!` in a `const` takes one finished `&str` and formats
-//! nothing.
+//! Text put together at compile time: `panic!` in a `const` takes one finished `&str` and formats nothing.
+//!
+//! For the checks of configuration here, in the firmware and in boards: a build error that names what is wrong. Nothing of it
+//! is in an image whose messages are all made in a `const`.
 
 const CAPACITY: usize = 160;
 
-/// A message under construction.
-pub(crate) struct Message {
+/// A message under construction. What exceeds its 160 bytes is cut.
+#[derive(Clone, Copy, Debug)]
+pub struct Message {
     text: [u8; CAPACITY],
     len: usize,
 }
 
 impl Message {
-    pub(crate) const fn new() -> Self {
+    /// An empty one.
+    #[allow(clippy::new_without_default)]
+    pub const fn new() -> Self {
         Self {
             text: [0; CAPACITY],
             len: 0,
         }
     }
 
-    pub(crate) const fn text(mut self, text: &str) -> Self {
+    /// With this text behind it.
+    pub const fn text(mut self, text: &str) -> Self {
         let bytes = text.as_bytes();
         let mut i = 0;
         while i < bytes.len() && self.len < CAPACITY {
@@ -28,7 +34,8 @@ impl Message {
         self
     }
 
-    pub(crate) const fn number(self, value: u32) -> Self {
+    /// With this number, in decimal digits, behind it.
+    pub const fn number(self, value: u32) -> Self {
         let mut digits = [0; 10];
         let mut start = digits.len();
         let mut rest = value;
@@ -47,7 +54,8 @@ impl Message {
         }
     }
 
-    pub(crate) const fn as_str(&self) -> &str {
+    /// What it says.
+    pub const fn as_str(&self) -> &str {
         let (text, _) = self.text.split_at(self.len);
         match core::str::from_utf8(text) {
             Ok(text) => text,
@@ -55,7 +63,12 @@ impl Message {
         }
     }
 
-    pub(crate) const fn fail(self) -> ! {
+    /// Stops the build with it.
+    ///
+    /// # Panics
+    ///
+    /// Always.
+    pub const fn fail(self) -> ! {
         panic!("{}", self.as_str())
     }
 }

@@ -2,13 +2,19 @@
 //!
 //! A data model holds banks and hands each call on to the one it is for, in one line. Addresses outside a bank are answered
 //! with [`Exception::IllegalDataAddress`](crate::exception::Exception::IllegalDataAddress). The application reaches the same
-//! cells by `get` and `set`.
+//! cells by `get` and `set`. [`rules!`](crate::rules!) declares which registers a master may write, and what.
 
 mod bank;
 mod coil_bank;
+mod rules;
+#[doc(hidden)]
+pub mod rules_check;
 
 pub use bank::Bank;
 pub use coil_bank::CoilBank;
+#[doc(hidden)]
+pub use rules::Block;
+pub use rules::{NoRules, RuleList, Rules, Span};
 
 use crate::exception::Exception;
 

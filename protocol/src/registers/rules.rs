@@ -1,0 +1,359 @@
+//! Rules on what a master may read and write: VALID_REG, DISABLE_REG and VALID_DATA of a port.
+//!
+//! [`rules!`](crate::rules!) turns the three lists into code. Nothing of them is kept in RAM, and the cost of a check is one
+//! comparison per rule, whatever the length of the block, and one per register that a rule is for.
+
+use core::ops::RangeInclusive;
+
+use crate::data::Registers;
+use crate::exception::Exception;
+
+/// What a set of rules declared with [`rules!`](crate::rules!) answers.
+///
+/// The rules are for the holding registers of a data model; a model that holds a [`Bank`](super::Bank) asks the bank first,
+/// so that an address that does not exist is found before anything else.
+pub trait Rules {
+    /// How many ranges [`RuleList::ValidReg`] has; 0 if there is no such list and every register is valid.
+    const VALID_REG: u8;
+    /// How many rules [`RuleList::ValidData`] has.
+    const VALID_DATA: u8;
+    /// How many ranges [`RuleList::DisableReg`] has, each with its flag.
+    const DISABLE_REG: u8;
+
+    /// Whether VALID_REG has every register from `first` to `last`.
+    #[doc(hidden)]
+    fn exists(block: Block) -> bool;
+    /// Whether a register of the block is in a DISABLE range whose flag is set.
+    #[doc(hidden)]
+    fn disabled(block: Block, flags: u32) -> bool;
+    /// Whether VALID_DATA has nothing against these values.
+    #[doc(hidden)]
+    fn allowed(block: Block, values: Registers<'_>) -> bool;
+    /// The registers of one rule, from 0.
+    #[doc(hidden)]
+    fn registers(list: RuleList, index: u8) -> Option<Span>;
+
+    /// Whether the `count` registers from `first` on may be read.
+    ///
+    /// # Errors
+    ///
+    /// [`Exception::IllegalDataAddress`] for a register outside VALID_REG, or a block that runs past 65535.
+    #[inline]
+    fn check_read(first: u16, count: u16) -> Result<(), Exception> {
+        if count == 0 || Block::new(first, count).is_some_and(Self::exists) {
+            Ok(())
+        } else {
+            Err(Exception::IllegalDataAddress)
+        }
+    }
+
+    /// Whether these values may be written to the registers from `first` on, for
+    /// [`DataModel::check_registers`](crate::server::DataModel::check_registers). Bit i of `flags` is the flag of DISABLE range
+    /// i: 1 disables. The whole block is judged by one list before the next is looked at.
+    ///
+    /// # Errors
+    ///
+    /// [`Exception::IllegalDataAddress`] for a register outside VALID_REG, else [`Exception::NegativeAcknowledge`] for one that
+    /// is disabled, else [`Exception::IllegalDataValue`] for a value that VALID_DATA does not allow.
+    fn check_write(first: u16, values: Registers<'_>, flags: u32) -> Result<(), Exception> {
+        if values.is_empty() {
+            return Ok(());
+        }
+        let Some(block) =
+            Block::new(first, values.len() as u16).filter(|block| Self::exists(*block))
+        else {
+            return Err(Exception::IllegalDataAddress);
+        };
+        if Self::disabled(block, flags) {
+            return Err(Exception::NegativeAcknowledge);
+        }
+        if !Self::allowed(block, values) {
+            return Err(Exception::IllegalDataValue);
+        }
+        Ok(())
+    }
+}
+
+/// No rules: every register exists and takes every value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NoRules;
+
+impl Rules for NoRules {
+    const VALID_REG: u8 = 0;
+    const VALID_DATA: u8 = 0;
+    const DISABLE_REG: u8 = 0;
+
+    #[inline(always)]
+    fn exists(_: Block) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn disabled(_: Block, _: u32) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn allowed(_: Block, _: Registers<'_>) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn registers(_: RuleList, _: u8) -> Option<Span> {
+        None
+    }
+}
+
+/// The three lists of a set of rules.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RuleList {
+    /// Registers that exist; exception 02 for others.
+    ValidReg,
+    /// Values that registers accept; exception 03 for others.
+    ValidData,
+    /// Registers that are refused with exception 07 while their flag is 1.
+    DisableReg,
+}
+
+/// Register addresses, or values, from `first` to `last`, both included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Span {
+    /// The lowest.
+    pub first: u16,
+    /// The highest.
+    pub last: u16,
+}
+
+impl Span {
+    /// What the range has; reversed if the range is.
+    pub const fn of(range: &RangeInclusive<u16>) -> Span {
+        Span {
+            first: *range.start(),
+            last: *range.end(),
+        }
+    }
+}
+
+/// The registers of one request: at least one.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug)]
+pub struct Block {
+    first: u16,
+    last: u16,
+}
+
+impl Block {
+    #[inline(always)]
+    fn new(first: u16, count: u16) -> Option<Block> {
+        let last = first.checked_add(count.wrapping_sub(1))?;
+        Some(Block { first, last })
+    }
+
+    /// Whether one of them is in `span`.
+    #[inline(always)]
+    pub fn meets(self, span: Span) -> bool {
+        self.first <= span.last && self.last >= span.first
+    }
+
+    /// How many of them are in `span`, which has at least one.
+    #[inline(never)]
+    pub fn common(self, span: Span) -> u16 {
+        self.last.min(span.last) - self.first.max(span.first) + 1
+    }
+
+    /// Whether `covered` is all of them.
+    #[inline(always)]
+    pub fn is_covered_by(self, covered: u16) -> bool {
+        covered == self.last - self.first + 1
+    }
+
+    /// Whether all values for registers in `span`, which has at least one, are in `allowed`.
+    #[inline(never)]
+    pub fn all_within(self, values: Registers<'_>, span: Span, allowed: Span) -> bool {
+        self.all(values, span, |value| {
+            value >= allowed.first && value <= allowed.last
+        })
+    }
+
+    /// Whether all values for registers in `span`, which has at least one, are `allowed`.
+    #[inline(never)]
+    pub fn all_pass(self, values: Registers<'_>, span: Span, allowed: fn(u16) -> bool) -> bool {
+        self.all(values, span, allowed)
+    }
+
+    #[inline(always)]
+    fn all(self, values: Registers<'_>, span: Span, allowed: impl FnMut(u16) -> bool) -> bool {
+        let skipped = span.first.saturating_sub(self.first);
+        let count = self.common(span);
+        values
+            .iter()
+            .skip(skipped.into())
+            .take(count.into())
+            .all(allowed)
+    }
+}
+
+/// Declares a set of rules: a type without content that implements [`Rules`](crate::registers::Rules).
+///
+/// The lists are those of the port registers `MB_xxx_VALID_REG`, `VALID_DATA` and `DISABLE_REG`, each of them optional, in this
+/// order. Addresses and values are `u16` constants; ranges have both ends included. A rule of VALID_DATA is `range(low..=high)` or `list(value, ...)`.
+///
+/// ```
+/// use multidrop_protocol::data::Registers;
+/// use multidrop_protocol::exception::Exception;
+/// use multidrop_protocol::registers::Rules;
+/// use multidrop_protocol::rules;
+///
+/// rules! {
+///     /// What the master may do with the registers of RS4.
+///     pub struct Rs4Rules: "RS4";
+///     VALID_REG { 10..=90, 120..=190, 1000..=1000 }
+///     VALID_DATA {
+///         10..=15 => range(100..=200),
+///         1000..=1000 => list(1, 2, 3),
+///     }
+///     DISABLE_REG { 120..=125 }
+/// }
+///
+/// let written = |first, value: u16, flags| {
+///     Rs4Rules::check_write(first, Registers::new(&value.to_be_bytes()), flags)
+/// };
+/// assert_eq!(written(91, 0, 0), Err(Exception::IllegalDataAddress));
+/// assert_eq!(written(15, 99, 0), Err(Exception::IllegalDataValue));
+/// assert_eq!(written(1000, 3, 0), Ok(()));
+/// assert_eq!(written(125, 0, 0b1), Err(Exception::NegativeAcknowledge));
+/// assert_eq!(written(125, 0, 0b0), Ok(()));
+/// assert_eq!(Rs4Rules::check_read(125, 1), Ok(()));
+/// ```
+///
+/// A wrong rule stops the build:
+///
+/// ```compile_fail,E0080
+/// // port RS4: VALID_DATA 10..=15: low is 200, must not be above high, which is 100
+/// multidrop_protocol::rules! {
+///     struct Reversed: "RS4";
+///     VALID_DATA { 10..=15 => range(200..=100) }
+/// }
+/// ```
+#[macro_export]
+macro_rules! rules {
+    (
+        $(#[$attribute:meta])*
+        $visibility:vis struct $name:ident: $port:literal;
+        $(VALID_REG { $($valid:expr),* $(,)? })?
+        $(VALID_DATA { $($registers:expr => $kind:ident($($allowed:expr),* $(,)?)),* $(,)? })?
+        $(DISABLE_REG { $($disable:expr),* $(,)? })?
+    ) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        $visibility struct $name;
+
+        const _: () = {
+            use $crate::registers::rules_check::{Values, check};
+            use $crate::registers::Span;
+            check($port, &[
+                $(("VALID_REG", &[$((Span::of(&($valid)), Values::Any)),*]),)?
+                $(("VALID_DATA", &[
+                    $((Span::of(&($registers)), $crate::rules!(@values $kind($($allowed),*)))),*
+                ]),)?
+                $(("DISABLE_REG", &[$((Span::of(&($disable)), Values::Any)),*]),)?
+            ]);
+        };
+
+        #[allow(unused_variables, unused_mut)]
+        impl $crate::registers::Rules for $name {
+            const VALID_REG: u8 = 0 $($(+ $crate::rules!(@one $valid))*)?;
+            const VALID_DATA: u8 = 0 $($(+ $crate::rules!(@one $registers))*)?;
+            const DISABLE_REG: u8 = 0 $($(+ $crate::rules!(@one $disable))*)?;
+
+            #[inline]
+            fn exists(block: $crate::registers::Block) -> bool {
+                $(
+                    let mut covered: u16 = 0;
+                    $({
+                        const SPAN: $crate::registers::Span = $crate::registers::Span::of(&($valid));
+                        if block.meets(SPAN) {
+                            covered += block.common(SPAN);
+                        }
+                    })*
+                    if !block.is_covered_by(covered) {
+                        return false;
+                    }
+                )?
+                true
+            }
+
+            #[inline]
+            fn disabled(block: $crate::registers::Block, flags: u32) -> bool {
+                let mut flags = flags;
+                $($({
+                    const SPAN: $crate::registers::Span = $crate::registers::Span::of(&($disable));
+                    if flags & 1 != 0 && block.meets(SPAN) {
+                        return true;
+                    }
+                    flags >>= 1;
+                })*)?
+                false
+            }
+
+            #[inline]
+            fn allowed(block: $crate::registers::Block, values: $crate::data::Registers<'_>) -> bool {
+                $($({
+                    const SPAN: $crate::registers::Span = $crate::registers::Span::of(&($registers));
+                    if block.meets(SPAN)
+                        && !$crate::rules!(@holds $kind(block, values, SPAN, $($allowed),*))
+                    {
+                        return false;
+                    }
+                })*)?
+                true
+            }
+
+            fn registers(
+                list: $crate::registers::RuleList,
+                index: u8,
+            ) -> ::core::option::Option<$crate::registers::Span> {
+                let mut left = index;
+                match list {
+                    $crate::registers::RuleList::ValidReg => {
+                        $($($crate::rules!(@nth left $valid);)*)?
+                    }
+                    $crate::registers::RuleList::ValidData => {
+                        $($($crate::rules!(@nth left $registers);)*)?
+                    }
+                    $crate::registers::RuleList::DisableReg => {
+                        $($($crate::rules!(@nth left $disable);)*)?
+                    }
+                }
+                ::core::option::Option::None
+            }
+        }
+    };
+
+    (@one $each:expr) => { 1 };
+
+    (@nth $left:ident $span:expr) => {{
+        const SPAN: $crate::registers::Span = $crate::registers::Span::of(&($span));
+        if $left == 0 {
+            return ::core::option::Option::Some(SPAN);
+        }
+        $left -= 1;
+    }};
+
+    (@values range($allowed:expr)) => { Values::Range(Span::of(&($allowed))) };
+    (@values list($($allowed:expr),*)) => { Values::List(&[$($allowed),*]) };
+    (@values $kind:ident($($allowed:expr),*)) => {
+        ::core::compile_error!("a rule of VALID_DATA is range(low..=high) or list(value, ...)")
+    };
+
+    (@holds range($block:ident, $values:ident, $span:ident, $allowed:expr)) => {{
+        const ALLOWED: $crate::registers::Span = $crate::registers::Span::of(&($allowed));
+        $block.all_within($values, $span, ALLOWED)
+    }};
+    (@holds list($block:ident, $values:ident, $span:ident, $($allowed:expr),*)) => {
+        // Comparisons rather than a slice: that would be in RAM on AVR.
+        $block.all_pass($values, $span, |value| false $(|| value == $allowed)*)
+    };
+    // Said already, by `@values`.
+    (@holds $kind:ident($($rest:tt)*)) => { true };
+}

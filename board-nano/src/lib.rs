@@ -13,6 +13,7 @@ pub mod options;
 use embassy_avr_hal::usart::{Settings, Usart0};
 use multidrop_firmware::PortConfig;
 use multidrop_firmware::line::LineError;
+use multidrop_firmware::protocol::message::Message;
 
 /// The CPU clock: the Nano's 16 MHz crystal if not built otherwise.
 pub const CLOCK_HZ: u32 = options::clock(16_000_000);
@@ -27,8 +28,8 @@ pub const DE_MASK: u8 = 1 << 2;
 /// The Nano's one serial port, as RS-485.
 pub type Rs485 = Usart0<De, CLOCK_HZ>;
 
-/// Line settings of a port at the Nano's clock, for a `const`: a baud that the clock cannot make stops
-/// the build.
+/// Line settings of a port at the Nano's clock, for a `const`: what the chip cannot do stops the
+/// build.
 pub const fn settings(port: &PortConfig) -> Settings {
     match Settings::new(&port.line(), CLOCK_HZ) {
         Ok(settings) => settings,
@@ -41,9 +42,14 @@ pub const fn settings(port: &PortConfig) -> Settings {
         Err(LineError::Format(format)) => port.wrong(
             "format: data bits",
             format.data_bits() as u32,
-            "the USART does not have it",
+            "must be 8 for RTU",
             None,
         ),
+        Err(LineError::Framing(_)) => Message::new()
+            .text("port ")
+            .text(port.name())
+            .text(": framing is ASCII, must be RTU on a line without ASCII")
+            .fail(),
     }
 }
 

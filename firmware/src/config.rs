@@ -1,6 +1,6 @@
 //! The configuration of a port, fixed and checked at compile time.
 
-use multidrop_protocol::format::LineFormat;
+use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::message::Message;
 
 use crate::line::{InterCharacter, LineConfig};
@@ -35,6 +35,7 @@ impl PortConfig {
             slave_id: 1,
             line: LineConfig {
                 baud: 19_200,
+                framing: Framing::Rtu,
                 format: LineFormat::F8E1,
                 inter_character: InterCharacter::Strict,
             },

@@ -8,11 +8,14 @@
 //! it *stands*, unless a late character has *voided* it; only then are writes carried out, and an
 //! answer that was [released](Frame::release) before starts on the wire at that very moment, without
 //! any task in between.
+//!
+//! An ASCII frame ends with a character instead of a silence: it stands as soon as it is complete.
+//! Answers start at t3.5 all the same, so that whoever asked has time to take its driver off the bus.
 
 use core::future::Future;
 
 pub use multidrop_protocol::Adu;
-use multidrop_protocol::format::LineFormat;
+use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::rtu::Flaws;
 
 /// Whether a gap of more than 1.5 characters inside a frame makes it bad (SER 2.5.1.1).
@@ -29,9 +32,12 @@ pub enum InterCharacter {
 pub struct LineConfig {
     /// Bits per second.
     pub baud: u32,
-    /// Data bits, parity and stop bits of a character.
+    /// RTU or ASCII.
+    pub framing: Framing,
+    /// Data bits, parity and stop bits of a character: eight data bits for RTU (SER 2.5.1), for ASCII
+    /// any (SER 2.5.2 has 7E1 as default).
     pub format: LineFormat,
-    /// The rule for gaps inside a frame.
+    /// The rule for gaps inside a frame. ASCII has one of its own: up to a second (SER 2.5.2).
     pub inter_character: InterCharacter,
 }
 
@@ -43,8 +49,17 @@ pub enum LineError {
         /// The nearest rate that it does make.
         nearest: u32,
     },
-    /// The USART has no such character format, or the framing cannot use it.
+    /// The USART has no such character format, or the framing cannot use it: RTU needs eight data bits.
     Format(LineFormat),
+    /// The line was built without this framing.
+    Framing(Framing),
+}
+
+/// Bytes that [`Line::transmit`] cannot send. The caller's error; nothing was sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TransmitError {
+    /// Unit id, function code and data are this many bytes, must be 2..=254.
+    Length(usize),
 }
 
 /// One serial line of a board, half duplex.
@@ -52,24 +67,58 @@ pub enum LineError {
 /// Methods below the heading of [`Frame`] are called through it only. Implementations are shared
 /// between two tasks of one executor: at most one future of each method exists at a time.
 pub trait Line: Sized {
-    /// Waits for the next frame with a good CRC and lends it, provisional (see the module). No task is
-    /// woken per byte.
+    /// Waits for the next frame with a good CRC or LRC and lends it, provisional (see the module). No
+    /// task is woken per byte.
     ///
     /// # Errors
-    /// What was wrong with a frame that was heard damaged, told after t3.5 so that it can be counted.
-    /// The wire's fault; its bytes are gone.
+    /// What was wrong with a frame that was heard damaged: one error for each such frame, told when it is
+    /// over. The wire's fault; its bytes are gone.
     ///
     /// # Cancellation
     /// Safe: the frame stays with the line until the next call.
     fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>>;
 
-    /// Sends `frame` (unit id, function code, data: 2..=254 bytes) with its CRC: not before t3.5 after
-    /// the last character heard, DE up, characters without a gap, DE down. Returns when the wire is
-    /// free again.
+    /// Waits until the buffer is free and the wire silent, or about to be, and lends the buffer to send
+    /// from. What is [released](Frame::release) starts at t3.5 after the last character heard, at once
+    /// if that has passed, and not at all if somebody has begun to talk: [`Frame::sent`] tells.
+    ///
+    /// While the buffer is lent nothing can be received into it.
+    ///
+    /// # Cancellation
+    /// Safe: nothing is lent until the future completes.
+    fn lend(&self) -> impl Future<Output = Frame<'_, Self>>;
+
+    /// Sends `bytes` (unit id, function code, data: 2..=254 bytes) as a frame: not before t3.5 after
+    /// the last character heard, DE up, characters without a gap, DE down. Waits for those who begin to
+    /// talk first. Returns when the wire is free again.
+    ///
+    /// # Errors
+    /// [`TransmitError`], at once.
     ///
     /// # Cancellation
     /// Safe: the character in flight is finished, DE goes down, the line listens.
-    fn transmit(&self, frame: &[u8]) -> impl Future<Output = ()>;
+    fn transmit(&self, bytes: &[u8]) -> impl Future<Output = Result<(), TransmitError>> {
+        async move {
+            let len = bytes.len();
+            if !(2..=254).contains(&len) {
+                return Err(TransmitError::Length(len));
+            }
+            loop {
+                let mut frame = self.lend().await;
+                frame.adu()[..len].copy_from_slice(bytes);
+                frame.release(len as u8);
+                if frame.sent().await {
+                    return Ok(());
+                }
+            }
+        }
+    }
+
+    /// Whether [`configure`](Line::configure) would do it.
+    ///
+    /// # Errors
+    /// [`LineError`] if the chip cannot.
+    fn check(&self, config: &LineConfig) -> Result<(), LineError>;
 
     /// Changes the settings. Waits until a transmission that is under way has ended; what is being
     /// received is given up and the line listens anew after t3.5 of silence.
@@ -81,6 +130,10 @@ pub trait Line: Sized {
     /// Safe: nothing is changed until the future completes.
     fn configure(&self, config: LineConfig) -> impl Future<Output = Result<(), LineError>>;
 
+    /// The character that ends an ASCII frame behind CR in place of LF, in both directions, from the next
+    /// frame on (APP 6.8, sub-function 03). Other settings leave it as it is; RTU has none.
+    fn set_delimiter(&self, delimiter: u8);
+
     /// [`Frame::release`].
     fn release(&self, len: u8);
 
@@ -88,7 +141,7 @@ pub trait Line: Sized {
     fn settle(&self) -> impl Future<Output = bool>;
 
     /// [`Frame::sent`].
-    fn sent(&self) -> impl Future<Output = ()>;
+    fn sent(&self) -> impl Future<Output = bool>;
 
     /// The frame was dropped: the buffer is the line's again, an answer that has not started is
     /// withdrawn, one that has is cut off after the character in flight.
@@ -103,12 +156,13 @@ pub struct Frame<'l, L: Line> {
 }
 
 impl<'l, L: Line> Frame<'l, L> {
-    /// For implementations of [`Line::receive`]: `len` bytes of unit id, function code and data.
+    /// For implementations of [`Line::receive`]: `len` bytes of unit id, function code and data; of
+    /// [`Line::lend`]: 0.
     pub fn new(line: &'l L, adu: &'l mut Adu, len: u8) -> Self {
         Self { line, adu, len }
     }
 
-    /// Number of bytes of unit id, function code and data: 2..=254.
+    /// Number of bytes of unit id, function code and data: 2..=254, 0 in a buffer lent to send from.
     pub fn request_len(&self) -> u8 {
         self.len
     }
@@ -144,12 +198,12 @@ impl<'l, L: Line> Frame<'l, L> {
         self.line.settle()
     }
 
-    /// Waits until the released answer is on the wire whole and DE is down; returns at once if nothing
-    /// was released or the frame is void.
+    /// Waits until what was released is on the wire whole and DE is down: true. False as soon as it is
+    /// known that it will not be: nothing was released, the frame is void, or somebody has begun to talk.
     ///
     /// # Cancellation
     /// Safe. Dropping the frame itself cuts the answer off after the character in flight.
-    pub fn sent(&mut self) -> impl Future<Output = ()> {
+    pub fn sent(&mut self) -> impl Future<Output = bool> {
         self.line.sent()
     }
 }

@@ -21,6 +21,8 @@ struct Wire {
     lent: Cell<bool>,
     verdict: Cell<Option<bool>>,
     released: Cell<u8>,
+    /// What was released went out.
+    whole: Cell<bool>,
     /// What went on the wire, and only once the frame stood.
     sent: RefCell<Vec<Vec<u8>>>,
     lent_adu: Cell<*mut Adu>,
@@ -44,11 +46,27 @@ impl Line for TestLine {
         })
     }
 
-    async fn transmit(&self, _: &[u8]) {}
+    fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
+        poll_fn(|_| {
+            if self.0.lent.replace(true) {
+                return Poll::Pending;
+            }
+            let adu = Box::leak(Box::new([0; 256]));
+            self.0.lent_adu.set(adu);
+            self.0.verdict.set(Some(true));
+            Poll::Ready(Frame::new(self, adu, 0))
+        })
+    }
+
+    fn check(&self, _: &LineConfig) -> Result<(), LineError> {
+        Ok(())
+    }
 
     async fn configure(&self, _: LineConfig) -> Result<(), LineError> {
         Ok(())
     }
+
+    fn set_delimiter(&self, _: u8) {}
 
     fn release(&self, len: u8) {
         self.0.released.set(len);
@@ -59,10 +77,10 @@ impl Line for TestLine {
         poll_fn(|_| self.0.verdict.get().map_or(Poll::Pending, Poll::Ready))
     }
 
-    fn sent(&self) -> impl Future<Output = ()> {
+    fn sent(&self) -> impl Future<Output = bool> {
         poll_fn(|_| match (self.0.released.get(), self.0.verdict.get()) {
             (1.., None) => Poll::Pending,
-            _ => Poll::Ready(()),
+            _ => Poll::Ready(self.0.whole.get()),
         })
     }
 
@@ -70,6 +88,7 @@ impl Line for TestLine {
         self.0.lent.set(false);
         self.0.released.set(0);
         self.0.verdict.set(None);
+        self.0.whole.set(false);
     }
 }
 
@@ -77,6 +96,7 @@ impl Wire {
     /// The transmitter: starts when the frame stands and an answer is released.
     fn go(&self) {
         if self.verdict.get() == Some(true) && self.released.get() > 0 {
+            self.whole.set(true);
             // SAFETY: the frame is lent, so its buffer is alive; the tasks are not running.
             let adu = unsafe { &*self.lent_adu.get() };
             self.sent

@@ -1,4 +1,13 @@
-//! The format of a character on the line.
+//! The format of a character on the line, and how characters make a frame.
+
+/// How bytes are carried as characters, and where a frame begins and ends (SER 2.5).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Framing {
+    /// A byte is a character, a silence ends a frame, a CRC checks it; eight data bits (SER 2.5.1).
+    Rtu,
+    /// A byte is two hexadecimal digits, a frame stands between `:` and CR LF, an LRC checks it (SER 2.5.2).
+    Ascii,
+}
 
 /// Parity of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -99,6 +99,8 @@ enum Verdict {
     Stands,
     /// As above, but it is too late for an answer: somebody has talked since.
     Late,
+    /// It stood, and what was released is on the wire, or has been.
+    Sent,
     Void,
 }
 
@@ -327,6 +329,7 @@ impl LineMachine {
     fn start<W: Wire>(&mut self, wire: &mut W) {
         wire.talk(self.first);
         self.released = 0;
+        self.verdict = Verdict::Sent;
         self.phase = Phase::Sending;
         if wire.is_ready() {
             self.on_ready(wire);
@@ -371,11 +374,11 @@ impl LineMachine {
         None
     }
 
-    /// Lends the buffer to somebody who wants to transmit, if the wire is silent and the buffer free; else
+    /// Lends the buffer to somebody who wants to transmit, if the wire is silent, or about to be, and the buffer free; else
     /// [`Wire::wake_user`] is called when it may be.
     #[inline]
     pub fn take_buffer(&mut self) -> bool {
-        if self.phase == Phase::Silent && self.buffer == Buffer::Free {
+        if matches!(self.phase, Phase::Settled | Phase::Silent) && self.buffer == Buffer::Free {
             self.buffer = Buffer::Lent;
             self.verdict = Verdict::Stands;
             return true;
@@ -400,11 +403,16 @@ impl LineMachine {
         self.phase == Phase::Sending
     }
 
-    /// Whether an answer is on the wire or will be at t3.5; [`Wire::wake_user`] is called when that ends.
+    /// What became of the bytes released: whether they went out, all of them; `None` while they are on the wire or will be at
+    /// t3.5, [`Wire::wake_user`] is called when that ends.
     #[inline]
-    pub fn is_sending_or_due(&self) -> bool {
-        self.is_sending()
+    pub fn sent(&self) -> Option<bool> {
+        if self.is_sending()
             || self.released > 0 && matches!(self.verdict, Verdict::Pending | Verdict::Stands)
+        {
+            return None;
+        }
+        Some(self.verdict == Verdict::Sent)
     }
 
     /// The first `len` bytes of the buffer are to be sent: at t3.5 if the frame stands then, at once if it does, and not at all

@@ -6,6 +6,8 @@ use common::{assert_bus_rules, example, frames};
 use multidrop_bus::{Bus, BusConfig, Format, HostId, HostPort, Line, Nano, NodeId, Time};
 
 const START: Line = Line::n81(38_400);
+/// The first of [`FORMATS`]: RTU needs eight data bits.
+const RTU_FORMATS: usize = 4;
 const GREETING: &[u8] = b"here again";
 
 /// In the order in which the example knows them.
@@ -70,13 +72,10 @@ fn a_frame_is_sent_back_whole_and_by_the_rules() {
 
 #[test]
 fn the_line_speaks_every_format_once_it_is_told_to() {
-    for (index, format) in FORMATS.into_iter().enumerate() {
+    for (index, format) in FORMATS.into_iter().enumerate().take(RTU_FORMATS) {
         let (mut bus, _, host) = rig();
         let heard = change(&mut bus, host, index, 19_200);
-        let mask = if format.data_bits() == 7 { 0x7f } else { 0xff };
-        let sent = frames::adu(GREETING);
-        let expected: Vec<_> = sent.iter().map(|byte| byte & mask).collect();
-        assert_eq!(heard, expected, "{format}");
+        assert_eq!(heard, frames::adu(GREETING), "{format}");
         let conflicts = bus.record().conflicts();
         assert_eq!(conflicts, []);
     }
@@ -108,10 +107,12 @@ fn settings_change_back_and_forth_and_every_frame_is_good() {
 #[test]
 fn settings_that_cannot_be_made_are_refused_and_the_old_ones_kept() {
     let (mut bus, _, host) = rig();
-    for baud in [100, 900, 3_000_000, 6_000_000] {
-        let answer = bus.transact(host, &set_up(0, baud), Time::from_ms(300));
+    let bauds = [100, 900, 3_000_000, 6_000_000].map(|baud| (0, baud));
+    let formats = (RTU_FORMATS..FORMATS.len()).map(|format| (format, 38_400));
+    for (format, baud) in bauds.into_iter().chain(formats) {
+        let answer = bus.transact(host, &set_up(format, baud), Time::from_ms(300));
         let bytes = answer.expect("an answer at the old settings").bytes;
-        assert_eq!(bytes, frames::adu(b"no"), "{baud}");
+        assert_eq!(bytes, frames::adu(b"no"), "{baud} {format}");
     }
     let frame = frames::adu(&[7, 1, 2, 3]);
     let answer = bus.transact(host, &frame, Time::from_ms(300));

@@ -9,7 +9,7 @@ use embassy_avr_hal::gpio::{PD2, Pins};
 use embassy_avr_hal::usart::{Settings, Usart0};
 use embassy_avr_hal::{bind_usart0, executor, pac};
 use multidrop_firmware::line::{InterCharacter, Line, LineConfig};
-use multidrop_firmware::protocol::format::LineFormat;
+use multidrop_firmware::protocol::format::{Framing, LineFormat};
 
 const CLOCK_HZ: u32 = 16_000_000;
 const SET_UP: u8 = 0x42;
@@ -17,6 +17,7 @@ const GREETING: &[u8] = b"here again";
 
 const START: LineConfig = LineConfig {
     baud: 38_400,
+    framing: Framing::Rtu,
     format: LineFormat::F8N1,
     inter_character: InterCharacter::Strict,
 };
@@ -50,9 +51,11 @@ async fn repeat(line: Rs485) {
                     Ok(()) => GREETING,
                     Err(_) => b"no",
                 };
-                line.transmit(answer).await;
+                let _ = line.transmit(answer).await;
             }
-            _ => line.transmit(heard).await,
+            _ => {
+                let _ = line.transmit(heard).await;
+            }
         }
     }
 }

@@ -145,7 +145,7 @@ impl<const MAY_FAIL: bool> Unit<MAY_FAIL> {
                     }
                 },
                 Serving::Sent => {
-                    if bus.machine.is_sending_or_due() {
+                    if bus.machine.sent().is_none() {
                         return;
                     }
                     bus.give_back();

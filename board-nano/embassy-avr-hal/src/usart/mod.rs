@@ -104,17 +104,17 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
         machine.on_sent(&mut wire);
     }
 
-    /// Takes the buffer once the wire is silent and the buffer free.
+    /// Takes the buffer once it is free and the wire silent, or about to be.
     fn poll_buffer(&self, context: &Context) -> Poll<Frame<'_, Self>> {
         executor::USER.register(context.waker());
         match with(|state| state.machine.take_buffer()) {
-            true => Poll::Ready(self.lend(0)),
+            true => Poll::Ready(self.frame(0)),
             false => Poll::Pending,
         }
     }
 
     /// The buffer as a frame. The machine has lent it just now.
-    fn lend(&self, len: u8) -> Frame<'_, Self> {
+    fn frame(&self, len: u8) -> Frame<'_, Self> {
         // SAFETY: until `give_back` the machine keeps interrupts from writing to the buffer, and everybody
         // else from lending it. While an answer is sent the interrupt reads it; `Frame`
         // forbids to change those bytes then.
@@ -135,11 +135,11 @@ fn poll_settle(context: &Context) -> Poll<bool> {
 }
 
 #[inline(never)]
-fn poll_sent(context: &Context) -> Poll<()> {
+fn poll_sent(context: &Context) -> Poll<bool> {
     executor::USER.register(context.waker());
-    match with(|state| state.machine.is_sending_or_due()) {
-        true => Poll::Pending,
-        false => Poll::Ready(()),
+    match with(|state| state.machine.sent()) {
+        Some(whole) => Poll::Ready(whole),
+        None => Poll::Pending,
     }
 }
 
@@ -169,20 +169,15 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
     async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
         poll_fn(|context| poll_heard(context))
             .await
-            .map(|len| self.lend(len))
+            .map(|len| self.frame(len))
     }
 
-    async fn transmit(&self, bytes: &[u8]) {
-        let len = bytes.len().min(254);
-        loop {
-            let mut frame = poll_fn(|context| self.poll_buffer(context)).await;
-            frame.adu()[..len].copy_from_slice(&bytes[..len]);
-            frame.release(len as u8);
-            // Not started if somebody began to talk meanwhile.
-            if with(|state| state.machine.is_sending()) {
-                return frame.sent().await;
-            }
-        }
+    fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
+        poll_fn(|context| self.poll_buffer(context))
+    }
+
+    fn check(&self, config: &LineConfig) -> Result<(), LineError> {
+        Settings::new(config, CLOCK_HZ).map(drop)
     }
 
     async fn configure(&self, config: LineConfig) -> Result<(), LineError> {
@@ -200,6 +195,8 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
         .await
     }
 
+    fn set_delimiter(&self, _delimiter: u8) {}
+
     fn release(&self, len: u8) {
         release::<DE>(len);
     }
@@ -208,7 +205,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
         poll_fn(|context| poll_settle(context))
     }
 
-    fn sent(&self) -> impl Future<Output = ()> {
+    fn sent(&self) -> impl Future<Output = bool> {
         poll_fn(|context| poll_sent(context))
     }
 

@@ -1,7 +1,7 @@
 //! From a [`LineConfig`] to register contents and timer ticks, at compile time or at run time.
 
 use multidrop_firmware::line::{InterCharacter, LineConfig, LineError};
-use multidrop_firmware::protocol::format::{LineFormat, Parity};
+use multidrop_firmware::protocol::format::{Framing, LineFormat, Parity};
 use multidrop_firmware::protocol::timing;
 
 use crate::baud::divisor;
@@ -49,11 +49,17 @@ impl Settings {
     /// up, and the least that the interrupts need is taken off: no interval is ever cut short.
     ///
     /// # Errors
-    /// [`LineError::Baud`] for a rate that is off by more than 2.5 % or so slow that t3.5 exceeds the
-    /// 16 bits of the timer (below 1400 baud at 16 MHz).
+    /// [`LineError::Format`] for RTU with seven data bits; [`LineError::Baud`] for a rate that is off by
+    /// more than 2.5 % or so slow that t3.5 exceeds the 16 bits of the timer (below 1400 baud at 16 MHz).
     pub const fn new(config: &LineConfig, clock_hz: u32) -> Result<Self, LineError> {
         let tick_hz = clock_hz / PRESCALER;
         let (baud, format) = (config.baud, config.format);
+        if matches!(config.framing, Framing::Rtu) && format.data_bits() != 8 {
+            return Err(LineError::Format(format));
+        }
+        if matches!(config.framing, Framing::Ascii) {
+            return Err(LineError::Framing(config.framing));
+        }
         let divisor = match divisor(clock_hz, baud) {
             Ok(divisor) => divisor,
             Err(error) => {

@@ -2,25 +2,49 @@
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
+use multidrop_protocol::server::{Counted, Server, Uncounted};
 
 use crate::config::PortConfig;
 use crate::line::{Frame, Line};
 
-/// What the tasks of one port share: its line and the channel from [`receive`](crate::receive()) to
-/// [`serve`](crate::serve()).
-pub struct Port<L: Line + 'static> {
+/// What the tasks of one server port share: its line, its server, and the channel from
+/// [`receive`](crate::receive()) to [`serve`](crate::serve()).
+///
+/// `D` says whether the server counts what happens on the line, and with it has functions 08, 0B and 0C:
+/// [`Uncounted`] or [`Counted`].
+pub struct Port<L: Line + 'static, D = Uncounted> {
     pub(crate) line: L,
-    pub(crate) unit: u8,
+    pub(crate) server: Server<D>,
     pub(crate) requests: Signal<NoopRawMutex, Frame<'static, L>>,
 }
 
 impl<L: Line + 'static> Port<L> {
-    /// A port on `line`, which the board has set up from the same `config`.
+    /// A port on `line`, which the board has set up from the same `config`. Its server does not count.
     pub const fn new(line: L, config: &PortConfig) -> Self {
+        Self::with(line, Server::new(config.unit()))
+    }
+}
+
+impl<L: Line + 'static, const LOG: usize> Port<L, Counted<LOG>> {
+    /// A port on `line`, which the board has set up from the same `config`, with all counters and a log of
+    /// the last `LOG` events, 0 to 64.
+    pub const fn counted(line: L, config: &PortConfig) -> Self {
+        Self::with(line, Server::counted(config.unit()))
+    }
+}
+
+impl<L: Line + 'static, D> Port<L, D> {
+    /// A port on `line` with this server.
+    pub const fn with(line: L, server: Server<D>) -> Self {
         Self {
             line,
-            unit: config.unit(),
+            server,
             requests: Signal::new(),
         }
+    }
+
+    /// The server: its unit id and counters.
+    pub const fn server(&self) -> &Server<D> {
+        &self.server
     }
 }

@@ -12,7 +12,7 @@ use multidrop_firmware::protocol::data::{Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::registers::Bank;
 use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::protocol::server::{ApplicationFunction, DataModel, Functions, Server};
+use multidrop_firmware::protocol::server::{ApplicationFunction, DataModel};
 use multidrop_firmware::{Port, PortConfig, Shared};
 
 #[derive(Default)]
@@ -112,6 +112,11 @@ struct Model {
 
 impl DataModel for Model {
     const WRITES_MAY_FAIL: bool = false;
+    const APPLICATION: &'static [ApplicationFunction<Model>] = &[ApplicationFunction {
+        code: 0x41,
+        broadcast: false,
+        run: reverse,
+    }];
 
     fn holding_registers(&mut self, first: u16, out: RegistersOut<'_>) -> Result<(), Exception> {
         self.bank.read(first, out)
@@ -140,26 +145,17 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        static TABLE: [ApplicationFunction<Model>; 1] = [ApplicationFunction {
-            code: 0x41,
-            broadcast: false,
-            run: reverse,
-        }];
         const PORT: PortConfig = PortConfig::new("TEST").slave_id(17);
         let wire: &'static Wire = Box::leak(Box::default());
         let port: &'static Port<TestLine> = Box::leak(Box::new(Port::new(TestLine(wire), &PORT)));
         let model: &'static Shared<Model> =
             Box::leak(Box::new(Shared::new(Model { bank: Bank::new(0) })));
-        let server: &'static Server<Model> = Box::leak(Box::new(Server::new(
-            PORT.unit(),
-            Functions::standard().with_table(&TABLE),
-        )));
         Self {
             wire,
             model,
             tasks: vec![
                 Box::pin(async move { multidrop_firmware::receive(port).await }),
-                Box::pin(async move { multidrop_firmware::serve(port, server, model).await }),
+                Box::pin(async move { multidrop_firmware::serve(port, model).await }),
             ],
         }
     }

@@ -20,7 +20,7 @@ pub fn server_pdu(data: &[u8]) {
 fn ask_all<const MAY_FAIL: bool>(mut input: Input) {
     let mut book = Book::new();
     let mut memory = Memory::<MAY_FAIL>::of(&book);
-    let server = memory::server::<MAY_FAIL>();
+    let server = memory::server();
     // What a request leaves in the buffer must not show in the answer to the next.
     let mut frame: Adu = [0xA5; 256];
     for _ in 0..64 {
@@ -41,7 +41,7 @@ fn ask_all<const MAY_FAIL: bool>(mut input: Input) {
             assert_eq!(frame[..len.into()], request, "not as it came in");
         }
         if matches!(plan, Plan::Write { .. }) && !Memory::<MAY_FAIL>::WRITES_MAY_FAIL {
-            assert_eq!(server.write(&mut memory, &frame), Ok(()));
+            server.commit(&mut memory, &mut frame, len, plan);
             assert_eq!(frame[..len.into()], request, "an answer is on its way");
             memory = before.clone();
         }

@@ -12,10 +12,34 @@ pub const READ_INPUT_REGISTERS: u8 = 0x04;
 pub const WRITE_SINGLE_COIL: u8 = 0x05;
 /// Write Single Register (APP 6.6).
 pub const WRITE_SINGLE_REGISTER: u8 = 0x06;
+/// Read Exception Status (APP 6.7).
+pub const READ_EXCEPTION_STATUS: u8 = 0x07;
+/// Diagnostics (APP 6.8).
+pub const DIAGNOSTICS: u8 = 0x08;
+/// Get Comm Event Counter (APP 6.9).
+pub const GET_COMM_EVENT_COUNTER: u8 = 0x0B;
+/// Get Comm Event Log (APP 6.10).
+pub const GET_COMM_EVENT_LOG: u8 = 0x0C;
 /// Write Multiple Coils (APP 6.11).
 pub const WRITE_MULTIPLE_COILS: u8 = 0x0F;
 /// Write Multiple Registers (APP 6.12).
 pub const WRITE_MULTIPLE_REGISTERS: u8 = 0x10;
+/// Report Server ID (APP 6.13).
+pub const REPORT_SERVER_ID: u8 = 0x11;
+/// Read File Record (APP 6.14).
+pub const READ_FILE_RECORD: u8 = 0x14;
+/// Write File Record (APP 6.15).
+pub const WRITE_FILE_RECORD: u8 = 0x15;
+/// Mask Write Register (APP 6.16).
+pub const MASK_WRITE_REGISTER: u8 = 0x16;
+/// Read/Write Multiple Registers (APP 6.17).
+pub const READ_WRITE_REGISTERS: u8 = 0x17;
+/// Read FIFO Queue (APP 6.18).
+pub const READ_FIFO_QUEUE: u8 = 0x18;
+/// Encapsulated Interface Transport (APP 6.19), of which a serial line has [`READ_DEVICE_ID`].
+pub const ENCAPSULATED_INTERFACE: u8 = 0x2B;
+/// Read Device Identification, an MEI type of [`ENCAPSULATED_INTERFACE`] (APP 6.21).
+pub const READ_DEVICE_ID: u8 = 0x0E;
 
 /// Set in the function code of an exception answer (APP 7).
 pub const EXCEPTION_BIT: u8 = 0x80;
@@ -28,6 +52,16 @@ pub const READ_REGISTERS_MAX: u16 = 125;
 pub const WRITE_COILS_MAX: u16 = 1968;
 /// Registers one request may write, from 1 (APP 6.12).
 pub const WRITE_REGISTERS_MAX: u16 = 123;
+/// Registers that one Read/Write Multiple Registers may write, from 1; it reads up to [`READ_REGISTERS_MAX`] (APP 6.17).
+pub const READ_WRITE_REGISTERS_MAX: u16 = 121;
+/// Registers that a FIFO queue may hold to be read, from 0 (APP 6.18).
+pub const FIFO_MAX: u16 = 31;
+/// The last record number of a file (APP 6.14).
+pub const RECORD_MAX: u16 = 9999;
+/// What stands for a record of a file, the only reference type there is (APP 6.14).
+pub const REFERENCE_TYPE: u8 = 0x06;
+/// Events that an answer to Get Comm Event Log may hold (APP 6.10).
+pub const EVENTS_MAX: usize = 64;
 
 /// What Write Single Coil has to carry for on; off is 0x0000 and everything else is refused (APP 6.5).
 pub const COIL_ON: u16 = 0xFF00;

@@ -94,11 +94,7 @@ fn a_coil_bank_without_room() {
 #[test]
 #[should_panic(expected = "unit id must be 1..=247")]
 fn a_reserved_unit_id() {
-    struct Nothing;
-    let _ = multidrop_protocol::server::Server::<Nothing>::new(
-        248,
-        multidrop_protocol::server::Functions::standard(),
-    );
+    let _ = multidrop_protocol::server::Server::new(248);
 }
 
 #[test]

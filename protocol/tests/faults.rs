@@ -7,7 +7,7 @@ use multidrop_protocol::Adu;
 use multidrop_protocol::data::{CoilsOut, Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::rtu;
-use multidrop_protocol::server::{ApplicationFunction, DataModel, Functions, Plan, Server};
+use multidrop_protocol::server::{ApplicationFunction, DataModel, Function, Plan, Server};
 
 fn adu(request: &[u8]) -> Vec<u8> {
     rtu::encode(request, &mut [0; 256]).unwrap().to_vec()
@@ -119,7 +119,7 @@ impl DataModel for Liar {
 
 #[test]
 fn an_answer_that_may_be_on_its_way_is_not_touched() {
-    let server = Server::new(UNIT, Functions::standard());
+    let server = Server::new(UNIT);
     let mut frame: Adu = [0; 256];
     frame[..6].copy_from_slice(&words(UNIT, 6, 0, 1));
     let plan = server.prepare(&mut Liar, &mut frame, 6);
@@ -133,7 +133,7 @@ fn an_answer_that_may_be_on_its_way_is_not_touched() {
 fn what_a_model_leaves_out_does_not_exist() {
     struct Nothing;
     impl DataModel for Nothing {}
-    let server = Server::new(UNIT, Functions::standard());
+    let server = Server::new(UNIT);
     for request in [
         words(UNIT, 1, 0, 1),
         words(UNIT, 2, 0, 1),
@@ -163,7 +163,7 @@ fn what_a_model_does_not_set_is_zero() {
             Ok(())
         }
     }
-    let server = Server::new(UNIT, Functions::standard());
+    let server = Server::new(UNIT);
     for (function, quantity, bytes) in [(1, 2000, 250), (3, 125, 250), (1, 9, 2), (3, 1, 2)] {
         let mut frame: Adu = [0xFF; 256];
         frame[..6].copy_from_slice(&words(UNIT, function, 0x0102, quantity));
@@ -182,120 +182,138 @@ fn what_a_model_does_not_set_is_zero() {
     }
 }
 
-fn reverse(tables: &mut Tables, pdu: &mut [u8], len: usize) -> Result<usize, Exception> {
+fn reverse<const DEFAULTED: bool>(
+    app: &mut App<DEFAULTED>,
+    pdu: &mut [u8],
+    len: usize,
+) -> Result<usize, Exception> {
     assert_eq!(pdu.len(), 253);
-    tables.holding[0] += 1;
+    app.0 += 1;
     pdu[1..len].reverse();
     Ok(len)
 }
 
-fn refuse(_: &mut Tables, pdu: &mut [u8], _: usize) -> Result<usize, Exception> {
+fn refuse<const DEFAULTED: bool>(
+    _: &mut App<DEFAULTED>,
+    pdu: &mut [u8],
+    _: usize,
+) -> Result<usize, Exception> {
     pdu[0] = 0;
     Err(Exception::ServerDeviceBusy)
 }
 
-fn longest(_: &mut Tables, pdu: &mut [u8], _: usize) -> Result<usize, Exception> {
+fn longest<const DEFAULTED: bool>(
+    _: &mut App<DEFAULTED>,
+    pdu: &mut [u8],
+    _: usize,
+) -> Result<usize, Exception> {
     pdu[252] = 0x77;
     Ok(253)
 }
 
-fn too_long(_: &mut Tables, _: &mut [u8], _: usize) -> Result<usize, Exception> {
+fn too_long<const DEFAULTED: bool>(
+    _: &mut App<DEFAULTED>,
+    _: &mut [u8],
+    _: usize,
+) -> Result<usize, Exception> {
     Ok(254)
 }
 
-fn silent(_: &mut Tables, _: &mut [u8], _: usize) -> Result<usize, Exception> {
+fn silent<const DEFAULTED: bool>(
+    _: &mut App<DEFAULTED>,
+    _: &mut [u8],
+    _: usize,
+) -> Result<usize, Exception> {
     Ok(0)
 }
 
-static TABLE: [ApplicationFunction<Tables>; 6] = [
-    ApplicationFunction {
-        code: 0x41,
-        broadcast: false,
-        run: reverse,
-    },
-    ApplicationFunction {
-        code: 0x42,
-        broadcast: true,
-        run: reverse,
-    },
-    ApplicationFunction {
-        code: 0x43,
-        broadcast: true,
-        run: refuse,
-    },
-    ApplicationFunction {
-        code: 0x44,
-        broadcast: false,
-        run: longest,
-    },
-    ApplicationFunction {
-        code: 0x45,
-        broadcast: false,
-        run: too_long,
-    },
-    ApplicationFunction {
-        code: 0x46,
-        broadcast: false,
-        run: silent,
-    },
-];
+/// Functions of the application, with one that takes all others or without.
+#[derive(Clone, PartialEq)]
+struct App<const DEFAULTED: bool>(u16);
 
-fn ask_with(functions: Functions<Tables>, request: &[u8]) -> (Option<Vec<u8>>, u16) {
-    let mut tables = Tables::new();
-    let answer = common::ask_server(&Server::new(UNIT, functions), &mut tables, request);
-    (answer, tables.holding[0])
+impl<const DEFAULTED: bool> DataModel for App<DEFAULTED> {
+    const APPLICATION: &'static [ApplicationFunction<Self>] = &[
+        ApplicationFunction {
+            code: 0x41,
+            broadcast: false,
+            run: reverse,
+        },
+        ApplicationFunction {
+            code: 0x42,
+            broadcast: true,
+            run: reverse,
+        },
+        ApplicationFunction {
+            code: 0x43,
+            broadcast: true,
+            run: refuse,
+        },
+        ApplicationFunction {
+            code: 0x44,
+            broadcast: false,
+            run: longest,
+        },
+        ApplicationFunction {
+            code: 0x45,
+            broadcast: false,
+            run: too_long,
+        },
+        ApplicationFunction {
+            code: 0x46,
+            broadcast: false,
+            run: silent,
+        },
+    ];
+    const DEFAULT: Option<Function<Self>> = if DEFAULTED { Some(reverse) } else { None };
+}
+
+fn ask_app<const DEFAULTED: bool>(request: &[u8]) -> (Option<Vec<u8>>, u16) {
+    let mut app = App::<DEFAULTED>(0);
+    let answer = common::ask_server(&Server::new(UNIT), &mut app, request);
+    (answer, app.0)
 }
 
 #[test]
 fn functions_of_the_application() {
-    let table = || Functions::standard().with_table(&TABLE);
     assert_eq!(
-        ask_with(table(), &[UNIT, 0x41, 1, 2, 3]),
+        ask_app::<false>(&[UNIT, 0x41, 1, 2, 3]),
         (Some(vec![UNIT, 0x41, 3, 2, 1]), 1)
     );
+    assert_eq!(ask_app::<false>(&[UNIT, 0x41]), (Some(vec![UNIT, 0x41]), 1));
+    assert_eq!(ask_app::<false>(&[0, 0x41, 1, 2, 3]), (None, 0));
+    assert_eq!(ask_app::<false>(&[0, 0x42, 1, 2, 3]), (None, 1));
     assert_eq!(
-        ask_with(table(), &[UNIT, 0x41]),
-        (Some(vec![UNIT, 0x41]), 1)
-    );
-    assert_eq!(ask_with(table(), &[0, 0x41, 1, 2, 3]), (None, 0));
-    assert_eq!(ask_with(table(), &[0, 0x42, 1, 2, 3]), (None, 1));
-    assert_eq!(
-        ask_with(table(), &[UNIT, 0x43]),
+        ask_app::<false>(&[UNIT, 0x43]),
         (Some(vec![UNIT, 0xC3, 6]), 0)
     );
-    assert_eq!(ask_with(table(), &[0, 0x43]), (None, 0));
-    let longest = ask_with(table(), &[UNIT, 0x44]).0.unwrap();
+    assert_eq!(ask_app::<false>(&[0, 0x43]), (None, 0));
+    let longest = ask_app::<false>(&[UNIT, 0x44]).0.unwrap();
     assert_eq!((longest.len(), longest[253]), (254, 0x77));
     assert_eq!(
-        ask_with(table(), &[UNIT, 0x45]),
+        ask_app::<false>(&[UNIT, 0x45]),
         (Some(vec![UNIT, 0xC5, 4]), 0)
     );
-    assert_eq!(ask_with(table(), &[UNIT, 0x46]), (None, 0));
+    assert_eq!(ask_app::<false>(&[UNIT, 0x46]), (None, 0));
     assert_eq!(
-        ask_with(table(), &[UNIT, 0x47]),
+        ask_app::<false>(&[UNIT, 0x47]),
         (Some(vec![UNIT, 0xC7, 1]), 0)
     );
-    assert_eq!(ask_with(table(), &[3, 0x41]), (None, 0));
+    assert_eq!(ask_app::<false>(&[3, 0x41]), (None, 0));
 }
 
 #[test]
 fn the_default_can_be_replaced() {
-    let functions = || {
-        Functions::standard()
-            .with_table(&TABLE)
-            .with_default(reverse)
-    };
     assert_eq!(
-        ask_with(functions(), &[UNIT, 0x60, 1, 2]),
+        ask_app::<true>(&[UNIT, 0x60, 1, 2]),
         (Some(vec![UNIT, 0x60, 2, 1]), 1)
     );
-    assert_eq!(ask_with(functions(), &[0, 0x60, 1, 2]), (None, 0));
+    assert_eq!(ask_app::<true>(&[0, 0x60, 1, 2]), (None, 0));
     assert_eq!(
-        ask_with(functions(), &[UNIT, 0x43]),
+        ask_app::<true>(&[UNIT, 0x43]),
         (Some(vec![UNIT, 0xC3, 6]), 0)
     );
     for reserved in [0x00, 0x80, 0x83, 0xFF] {
         let refusal = Some(vec![UNIT, reserved | 0x80, 1]);
-        assert_eq!(ask_with(functions(), &[UNIT, reserved, 1, 2]), (refusal, 0));
+        assert_eq!(ask_app::<true>(&[UNIT, reserved, 1, 2]), (refusal, 0));
     }
 }

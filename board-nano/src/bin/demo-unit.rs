@@ -7,7 +7,6 @@ use board_nano::demo_unit::DemoUnit;
 use board_nano::{Rs485, options, settings};
 use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
 use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::protocol::server::{Functions, Server};
 use multidrop_firmware::{Port, PortConfig, Shared};
 use static_cell::StaticCell;
 
@@ -28,9 +27,8 @@ async fn receive(port: &'static Port<Rs485>) -> ! {
 /// Answers requests.
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Rs485>) -> ! {
-    let server = Server::new(PORT.unit(), Functions::standard());
     let unit = Shared::new(DemoUnit::new());
-    multidrop_firmware::serve(port, &server, &unit).await
+    multidrop_firmware::serve(port, &unit).await
 }
 
 #[avr_device::entry]

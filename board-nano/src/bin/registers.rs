@@ -9,7 +9,7 @@ use multidrop_firmware::protocol::data::{Coils, CoilsOut, Registers, RegistersOu
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::protocol::registers::{Bank, CoilBank, within};
-use multidrop_firmware::protocol::server::{DataModel, Functions, Server};
+use multidrop_firmware::protocol::server::DataModel;
 use multidrop_firmware::{Port, PortConfig, Shared};
 use static_cell::StaticCell;
 
@@ -76,12 +76,11 @@ async fn receive(port: &'static Port<Rs485>) -> ! {
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Rs485>) -> ! {
-    let server = Server::new(PORT.unit(), Functions::standard());
     let model = Shared::new(Model {
         registers: Bank::new(0),
         coils: CoilBank::new(0, COUNT as u16),
     });
-    multidrop_firmware::serve(port, &server, &model).await
+    multidrop_firmware::serve(port, &model).await
 }
 
 #[avr_device::entry]

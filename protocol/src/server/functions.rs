@@ -1,9 +1,75 @@
-//! Functions that the application adds.
+//! Which functions a server has: a choice among the standard's, and those that the application adds.
 
-use super::{Plan, refuse};
+use super::{DataModel, Plan, refuse};
 use crate::exception::Exception;
-use crate::function::{EXCEPTION_BIT, PDU_MAX};
+use crate::function::{self, EXCEPTION_BIT, PDU_MAX};
 use crate::{Adu, BROADCAST};
+
+/// The standard's functions that a model has, for [`DataModel::FUNCTIONS`]. What is not among them is answered with exception
+/// 01 and takes no flash.
+///
+/// Diagnostics, Get Comm Event Counter and Get Comm Event Log are not chosen here: a server that counts has them, see
+/// [`Server::counted`](super::Server::counted).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FunctionSet(u64);
+
+impl FunctionSet {
+    /// FC 01 to 06, 0F and 10: coils, inputs and registers.
+    pub const EIGHT: FunctionSet = FunctionSet(0)
+        .with(function::READ_COILS)
+        .with(function::READ_DISCRETE_INPUTS)
+        .with(function::READ_HOLDING_REGISTERS)
+        .with(function::READ_INPUT_REGISTERS)
+        .with(function::WRITE_SINGLE_COIL)
+        .with(function::WRITE_SINGLE_REGISTER)
+        .with(function::WRITE_MULTIPLE_COILS)
+        .with(function::WRITE_MULTIPLE_REGISTERS);
+
+    /// All but the file records: the eight, and FC 07, 11, 16, 17, 18 and 2B.
+    pub const WITHOUT_FILES: FunctionSet = FunctionSet::EIGHT
+        .with(function::READ_EXCEPTION_STATUS)
+        .with(function::REPORT_SERVER_ID)
+        .with(function::MASK_WRITE_REGISTER)
+        .with(function::READ_WRITE_REGISTERS)
+        .with(function::READ_FIFO_QUEUE)
+        .with(function::ENCAPSULATED_INTERFACE);
+
+    /// All there are.
+    pub const ALL: FunctionSet = FunctionSet::WITHOUT_FILES
+        .with(function::READ_FILE_RECORD)
+        .with(function::WRITE_FILE_RECORD);
+
+    /// With this one too.
+    ///
+    /// # Panics
+    ///
+    /// If the standard has no such function or it is not to be chosen here; in a `const` that is a build error.
+    pub const fn with(self, code: u8) -> FunctionSet {
+        assert!(
+            matches!(
+                code,
+                0x01..=0x07 | 0x0F..=0x11 | 0x14..=0x18 | function::ENCAPSULATED_INTERFACE
+            ),
+            "FunctionSet: the function code must be 01 to 07, 0F to 11, 14 to 18 or 2B"
+        );
+        FunctionSet(self.0 | 1 << code)
+    }
+
+    /// Without this one.
+    pub const fn without(self, code: u8) -> FunctionSet {
+        if code < 64 {
+            FunctionSet(self.0 & !(1 << code))
+        } else {
+            self
+        }
+    }
+
+    /// Whether it is among these.
+    #[inline(always)]
+    pub const fn has(self, code: u8) -> bool {
+        code < 64 && self.0 >> code & 1 != 0
+    }
+}
 
 /// A function of the application.
 ///
@@ -16,7 +82,7 @@ use crate::{Adu, BROADCAST};
 /// The exception to answer with.
 pub type Function<M> = fn(model: &mut M, pdu: &mut [u8], len: usize) -> Result<usize, Exception>;
 
-/// A row of the table of functions.
+/// A row of the table of functions, [`DataModel::APPLICATION`].
 pub struct ApplicationFunction<M> {
     /// The function code, 1..=127 and none of the server's own; a row for another code is never reached.
     pub code: u8,
@@ -26,76 +92,62 @@ pub struct ApplicationFunction<M> {
     pub run: Function<M>,
 }
 
-/// The functions a server has besides its own eight.
-///
-/// Function codes 00 and 80..=FF are always answered with exception 01 (APP 4.1).
-pub struct Functions<M: 'static> {
-    table: &'static [ApplicationFunction<M>],
-    default: Option<Function<M>>,
+fn find<M: DataModel>(code: u8) -> Option<&'static ApplicationFunction<M>> {
+    M::APPLICATION.iter().find(|row| row.code == code)
 }
 
-impl<M> Functions<M> {
-    /// None: an unknown function is answered with exception 01.
-    pub const fn standard() -> Functions<M> {
-        Functions {
-            table: &[],
-            default: None,
-        }
+/// [`Plan::Call`] if there is something to call.
+pub(super) fn prepare<M: DataModel>(code: u8, broadcast: bool) -> Result<Plan, Exception> {
+    if code == 0 || code & EXCEPTION_BIT != 0 {
+        return Err(Exception::IllegalFunction);
     }
-
-    /// With these.
-    pub const fn with_table(self, table: &'static [ApplicationFunction<M>]) -> Functions<M> {
-        Functions { table, ..self }
+    match find::<M>(code) {
+        Some(row) if broadcast && !row.broadcast => Ok(Plan::Silent { refused: None }),
+        Some(_) => Ok(Plan::Call),
+        None if M::DEFAULT.is_some() && broadcast => Ok(Plan::Silent { refused: None }),
+        None if M::DEFAULT.is_some() => Ok(Plan::Call),
+        None => Err(Exception::IllegalFunction),
     }
+}
 
-    /// With this for every function code that is in no table. It is not executed when broadcast.
-    pub const fn with_default(self, default: Function<M>) -> Functions<M> {
-        Functions {
-            default: Some(default),
-            ..self
-        }
+/// Runs the function. Returns the length of the answer with its unit id, 0 for none.
+///
+/// # Errors
+///
+/// The function's.
+pub(super) fn call<M: DataModel>(
+    model: &mut M,
+    frame: &mut Adu,
+    request_len: u8,
+) -> Result<u8, Exception> {
+    let [_, pdu @ .., _, _] = frame;
+    let code = pdu[0];
+    let run = match find::<M>(code) {
+        Some(row) => row.run,
+        None => match M::DEFAULT {
+            Some(default) => default,
+            None => return Ok(0),
+        },
+    };
+    let answered = run(model, pdu, usize::from(request_len.saturating_sub(1)));
+    // The frame keeps the function it was asked for, whatever has become of the buffer.
+    pdu[0] = match answered {
+        Ok(1..=PDU_MAX) => pdu[0],
+        _ => code,
+    };
+    match answered? {
+        0 => Ok(0),
+        len if len <= PDU_MAX => Ok(len as u8 + 1),
+        // An answer that fits no frame is the application's failure, to be seen by the client.
+        _ => Err(Exception::ServerDeviceFailure),
     }
+}
 
-    fn find(&self, code: u8) -> Option<&'static ApplicationFunction<M>> {
-        self.table.iter().find(|row| row.code == code)
-    }
-
-    /// [`Plan::Call`] if there is something to call.
-    pub(super) fn prepare(&self, code: u8, broadcast: bool) -> Result<Plan, Exception> {
-        if code == 0 || code & EXCEPTION_BIT != 0 {
-            return Err(Exception::IllegalFunction);
-        }
-        match self.find(code) {
-            Some(row) if broadcast && !row.broadcast => Ok(Plan::Ignore),
-            Some(_) => Ok(Plan::Call),
-            None if self.default.is_some() && !broadcast => Ok(Plan::Call),
-            None => Err(Exception::IllegalFunction),
-        }
-    }
-
-    /// Runs the function; returns the length of the answer, 0 for none.
-    pub(super) fn call(&self, model: &mut M, frame: &mut Adu, request_len: u8) -> u8 {
-        let [unit, pdu @ .., _, _] = frame;
-        let code = pdu[0];
-        let run = match self.find(code) {
-            Some(row) => row.run,
-            None => match self.default {
-                Some(default) => default,
-                None => return 0,
-            },
-        };
-        let answered = run(model, pdu, usize::from(request_len.saturating_sub(1)));
-        if *unit == BROADCAST {
-            return 0;
-        }
-        let exception = match answered {
-            Ok(0) => return 0,
-            Ok(len) if len <= PDU_MAX => return len as u8 + 1,
-            // An answer that fits no frame is the application's failure, to be seen by the client.
-            Ok(_) => Exception::ServerDeviceFailure,
-            Err(exception) => exception,
-        };
-        pdu[0] = code;
-        refuse(frame, exception)
+/// The answer of a function that ran at the end: what it says, the exception, or nothing to a broadcast.
+pub(super) fn answer(frame: &mut Adu, outcome: Result<u8, Exception>) -> u8 {
+    match outcome {
+        _ if frame[0] == BROADCAST => 0,
+        Ok(len) => len,
+        Err(exception) => refuse(frame, exception),
     }
 }

@@ -14,7 +14,7 @@
 //! use multidrop_protocol::data::{Registers, RegistersOut};
 //! use multidrop_protocol::exception::Exception;
 //! use multidrop_protocol::registers::Bank;
-//! use multidrop_protocol::server::{DataModel, Functions, Plan, Server};
+//! use multidrop_protocol::server::{DataModel, Plan, Server};
 //!
 //! struct Heater {
 //!     setpoints: Bank<4>,
@@ -32,28 +32,41 @@
 //!     }
 //! }
 //!
-//! const SERVER: Server<Heater> = Server::new(17, Functions::standard());
-//!
+//! let server = Server::new(17);
 //! let mut heater = Heater { setpoints: Bank::new(100) };
 //! let mut frame = [0; 256];
 //! // Write Single Register: register 101 becomes 215.
 //! frame[..6].copy_from_slice(&[17, 6, 0, 101, 0, 215]);
-//! let plan = SERVER.prepare(&mut heater, &mut frame, 6);
+//! let plan = server.prepare(&mut heater, &mut frame, 6);
 //! assert_eq!(heater.setpoints.get(101), Some(0));
 //! assert_eq!(plan, Plan::Write { len: 6 });
-//! assert_eq!(SERVER.commit(&mut heater, &mut frame, 6, plan), 6);
+//! assert_eq!(server.commit(&mut heater, &mut frame, 6, plan), 6);
 //! assert_eq!(heater.setpoints.get(101), Some(215));
 //! ```
 
+mod counted;
+mod device_id;
+mod diagnostics;
+mod event_log;
+mod file_records;
 mod functions;
+mod mask_write;
 mod model;
 mod read_bits;
+mod read_fifo;
 mod read_registers;
+mod read_write_registers;
+mod status;
 mod write_bits;
 mod write_registers;
 
-pub use functions::{ApplicationFunction, Function, Functions};
+pub use counted::Counted;
+pub use device_id::Conformity;
+pub use diagnostics::{Diagnostics, Uncounted};
+pub use functions::{ApplicationFunction, Function, FunctionSet};
 pub use model::DataModel;
+
+use core::cell::Cell;
 
 use crate::exception::Exception;
 use crate::{Adu, BROADCAST, UNIT_MAX, UNIT_MIN, function};
@@ -62,6 +75,8 @@ use crate::{Adu, BROADCAST, UNIT_MAX, UNIT_MIN, function};
 const LEN_MIN: u8 = 2;
 /// Unit id and the longest PDU.
 const LEN_MAX: u8 = 254;
+/// Unit id, function code and one word.
+const REQUEST_HEAD: u8 = 4;
 /// Unit id, function code and exception code.
 const EXCEPTION_LEN: u8 = 3;
 /// What a write is answered with: unit id, function code, address, and value or quantity, as they stand in the request.
@@ -70,124 +85,295 @@ const WRITE_ANSWER_LEN: u8 = 6;
 /// What is to be done with a request when its frame stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Plan {
-    /// Nothing: it is for another unit, or a broadcast that is not executed.
+    /// Nothing: it is for another unit.
     Ignore,
+    /// Nothing but to count it: a broadcast that is not executed, or the server listens only.
+    Silent {
+        /// The exception that nobody is told of.
+        refused: Option<Exception>,
+    },
     /// The answer, a read or an exception, is in `frame[..len]` and final.
     Answer {
         /// Bytes of unit id and PDU, 3..=254.
         len: u8,
     },
-    /// A checked write, to be executed by [`Server::commit`]. The frame is as it came in; its beginning is the answer.
-    Write {
-        /// Bytes of unit id and PDU, 6; 0 for a broadcast.
+    /// A sub-function of Diagnostics that changes something, to be executed by [`Server::commit`]. The frame is as it came in
+    /// and is the answer.
+    Diagnose {
+        /// Bytes of unit id and PDU, 6; 0 for what is not answered.
         len: u8,
     },
-    /// A function of the application, to be run by [`Server::commit`]. The frame is as it came in.
+    /// A checked write, to be executed by [`Server::commit`]. The frame is as it came in; its beginning is the answer.
+    Write {
+        /// Bytes of unit id and PDU, as many as the answer has; 0 for a broadcast.
+        len: u8,
+    },
+    /// What has no answer before it is executed, by [`Server::commit`]: a function of the application, Mask Write Register, and
+    /// Read/Write Multiple Registers. The frame is as it came in.
     Call,
 }
 
-/// A server with one unit id.
-pub struct Server<M: 'static> {
-    unit: u8,
-    functions: Functions<M>,
+impl Plan {
+    /// How long the answer is that may go out as soon as the frame stands, in `frame[..len]` already; 0 if there is none or it
+    /// has to wait for [`Server::commit`].
+    #[inline]
+    pub fn answer_at_once<M: DataModel>(self) -> u8 {
+        match self {
+            Plan::Answer { len } | Plan::Diagnose { len } => len,
+            Plan::Write { len } if !M::WRITES_MAY_FAIL => len,
+            _ => 0,
+        }
+    }
 }
 
-impl<M> Server<M> {
-    /// A server with this unit id, 1..=247.
+/// A server with one unit id, which counts if `D` does. See [`Diagnostics`].
+#[derive(Debug)]
+pub struct Server<D = Uncounted> {
+    unit: Cell<u8>,
+    diagnostics: D,
+}
+
+impl Server {
+    /// A server with this unit id, 1..=247, that does not count.
     ///
     /// # Panics
     ///
     /// If `unit` is out of range; in a `const` that is a build error.
-    pub const fn new(unit: u8, functions: Functions<M>) -> Server<M> {
+    pub const fn new(unit: u8) -> Server {
+        Server::with(unit, Uncounted)
+    }
+}
+
+impl<const LOG: usize> Server<Counted<LOG>> {
+    /// A server with this unit id, 1..=247, with all counters and a log of `LOG` events, 0..=64.
+    ///
+    /// # Panics
+    ///
+    /// If `unit` is out of range; in a `const` that is a build error.
+    pub const fn counted(unit: u8) -> Server<Counted<LOG>> {
+        Server::with(unit, Counted::new())
+    }
+}
+
+impl<D> Server<D> {
+    /// A server with this unit id, 1..=247, and these counters.
+    ///
+    /// # Panics
+    ///
+    /// If `unit` is out of range; in a `const` that is a build error.
+    pub const fn with(unit: u8, diagnostics: D) -> Server<D> {
         assert!(
             unit >= UNIT_MIN && unit <= UNIT_MAX,
             "unit id must be 1..=247"
         );
-        Server { unit, functions }
+        Server {
+            unit: Cell::new(unit),
+            diagnostics,
+        }
     }
 
     /// The unit id.
     #[inline]
     pub const fn unit(&self) -> u8 {
-        self.unit
+        self.unit.get()
+    }
+
+    /// Another unit id from the next request on; `false`, and nothing changed, unless it is 1..=247.
+    pub fn set_unit(&self, unit: u8) -> bool {
+        let valid = (UNIT_MIN..=UNIT_MAX).contains(&unit);
+        if valid {
+            self.unit.set(unit);
+        }
+        valid
+    }
+
+    /// The counters.
+    #[inline]
+    pub const fn diagnostics(&self) -> &D {
+        &self.diagnostics
     }
 }
 
-impl<M: DataModel> Server<M> {
+impl<D: Diagnostics> Server<D> {
+    /// Whether a good frame to this unit id is one to [`prepare`](Server::prepare): a request to this server, or any frame at
+    /// all if it counts them.
+    #[inline]
+    pub fn is_concerned(&self, unit: u8) -> bool {
+        D::COUNTS || unit == self.unit() || unit == BROADCAST
+    }
+
+    /// A damaged frame was heard, whoever it was for. Once for each.
+    #[inline]
+    pub fn damaged(&self, flaws: crate::rtu::Flaws) {
+        self.diagnostics.damaged(flaws);
+    }
+
+    /// The character that ends an ASCII frame behind CR, after an answer is sent: FC 08 may have changed it.
+    #[inline]
+    pub fn delimiter(&self) -> u8 {
+        self.diagnostics.delimiter()
+    }
+
     /// Checks the request in `frame[..len]`, unit id and PDU without CRC, and makes the answer in its place.
     ///
     /// `frame[..len]` is a good frame: its CRC matched. The model is asked for values and checks but not changed. When the
     /// frame turns out void, drop the plan: nothing has happened but that `frame[..254]` may be overwritten.
     #[inline(never)]
-    pub fn prepare(&self, model: &mut M, frame: &mut Adu, len: u8) -> Plan {
+    pub fn prepare<M: DataModel>(&self, model: &mut M, frame: &mut Adu, len: u8) -> Plan {
         if !(LEN_MIN..=LEN_MAX).contains(&len) {
             return Plan::Ignore;
         }
         let broadcast = frame[0] == BROADCAST;
-        if !broadcast && frame[0] != self.unit {
+        if !broadcast && frame[0] != self.unit() {
             return Plan::Ignore;
         }
-        let planned = match frame[1] {
-            function::READ_COILS | function::READ_DISCRETE_INPUTS => {
-                if broadcast {
-                    return Plan::Ignore;
-                }
-                read_bits::prepare(model, frame, len)
-            }
-            function::READ_HOLDING_REGISTERS | function::READ_INPUT_REGISTERS => {
-                if broadcast {
-                    return Plan::Ignore;
-                }
-                read_registers::prepare(model, frame, len)
-            }
-            function::WRITE_SINGLE_COIL | function::WRITE_MULTIPLE_COILS => {
-                write_bits::prepare(model, frame, len)
-            }
-            function::WRITE_SINGLE_REGISTER | function::WRITE_MULTIPLE_REGISTERS => {
-                write_registers::prepare(model, frame, len)
-            }
-            code => self.functions.prepare(code, broadcast),
-        };
-        match planned {
+        if self.diagnostics.is_deaf_to(frame, len) {
+            return Plan::Silent { refused: None };
+        }
+        match self.plan(model, frame, len, broadcast) {
             Ok(Plan::Write { .. }) if broadcast => Plan::Write { len: 0 },
             Ok(plan) => plan,
-            Err(_) if broadcast => Plan::Ignore,
+            Err(exception) if broadcast => Plan::Silent {
+                refused: Some(exception),
+            },
             Err(exception) => Plan::Answer {
                 len: refuse(frame, exception),
             },
         }
     }
 
-    /// Does what [`prepare`](Server::prepare) planned for the request of `request_len` bytes in `frame`, once the frame
-    /// stands, and returns the length of the answer in it: 3..=254 bytes of unit id and PDU, or 0 to say nothing.
-    ///
-    /// Where [`DataModel::WRITES_MAY_FAIL`] is `false`, a [`Plan::Write`] leaves the frame untouched, so the answer may be
-    /// on its way already.
-    pub fn commit(&self, model: &mut M, frame: &mut Adu, request_len: u8, plan: Plan) -> u8 {
-        match plan {
-            Plan::Ignore => 0,
-            Plan::Answer { len } => len,
-            Plan::Write { len } => match self.write(model, frame) {
-                Err(exception) if M::WRITES_MAY_FAIL && len != 0 => refuse(frame, exception),
-                _ => len,
-            },
-            Plan::Call => self.functions.call(model, frame, request_len),
+    #[inline(always)]
+    fn plan<M: DataModel>(
+        &self,
+        model: &mut M,
+        frame: &mut Adu,
+        len: u8,
+        broadcast: bool,
+    ) -> Result<Plan, Exception> {
+        use function::*;
+        let code = frame[1];
+        // What is not among them is gone when this is compiled.
+        let is = |function: u8| M::FUNCTIONS.has(function) && code == function;
+        let reads = is(READ_COILS)
+            || is(READ_DISCRETE_INPUTS)
+            || is(READ_HOLDING_REGISTERS)
+            || is(READ_INPUT_REGISTERS)
+            || is(READ_EXCEPTION_STATUS)
+            || is(REPORT_SERVER_ID)
+            || is(READ_FILE_RECORD)
+            || is(READ_FIFO_QUEUE)
+            || is(ENCAPSULATED_INTERFACE);
+        if broadcast && reads {
+            return Ok(Plan::Silent { refused: None });
+        }
+        if is(READ_COILS) || is(READ_DISCRETE_INPUTS) {
+            read_bits::prepare(model, frame, len)
+        } else if is(READ_HOLDING_REGISTERS) || is(READ_INPUT_REGISTERS) {
+            read_registers::prepare(model, frame, len)
+        } else if is(WRITE_SINGLE_COIL) || is(WRITE_MULTIPLE_COILS) {
+            write_bits::prepare(model, frame, len)
+        } else if is(WRITE_SINGLE_REGISTER) || is(WRITE_MULTIPLE_REGISTERS) {
+            write_registers::prepare(model, frame, len)
+        } else if is(READ_EXCEPTION_STATUS) || is(REPORT_SERVER_ID) {
+            status::prepare(model, frame, len)
+        } else if is(MASK_WRITE_REGISTER) {
+            mask_write::check(model, frame, len).map(|_| Plan::Call)
+        } else if is(READ_WRITE_REGISTERS) {
+            read_write_registers::check(model, frame, len).map(|()| Plan::Call)
+        } else if is(READ_FIFO_QUEUE) {
+            read_fifo::prepare(model, frame, len)
+        } else if is(ENCAPSULATED_INTERFACE) {
+            device_id::prepare(model, frame, len)
+        } else if is(READ_FILE_RECORD) {
+            file_records::prepare_read(model, frame, len)
+        } else if is(WRITE_FILE_RECORD) {
+            file_records::prepare_write(model, frame, len)
+        } else if D::COUNTS
+            && matches!(
+                code,
+                DIAGNOSTICS | GET_COMM_EVENT_COUNTER | GET_COMM_EVENT_LOG
+            )
+        {
+            self.diagnostics.prepare(frame, len, model.is_busy())
+        } else {
+            functions::prepare::<M>(code, broadcast)
         }
     }
 
-    /// Executes the write that was planned as [`Plan::Write`] and nothing else. [`commit`](Server::commit) does it for those
-    /// who are not sending the answer from the same buffer meanwhile.
+    /// Does what [`prepare`](Server::prepare) planned for the request of `request_len` bytes in `frame`, once the frame
+    /// stands, and returns the length of the answer in it: 3..=254 bytes of unit id and PDU, or 0 to say nothing.
     ///
-    /// # Errors
-    ///
-    /// The model's, if its writes may fail.
-    pub fn write(&self, model: &mut M, frame: &Adu) -> Result<(), Exception> {
-        match frame[1] {
-            function::WRITE_SINGLE_COIL | function::WRITE_MULTIPLE_COILS => {
-                write_bits::commit(model, frame)
+    /// Where [`Plan::answer_at_once`] has a length the frame is left untouched, so the answer may be on its way already.
+    pub fn commit<M: DataModel>(
+        &self,
+        model: &mut M,
+        frame: &mut Adu,
+        request_len: u8,
+        plan: Plan,
+    ) -> u8 {
+        let mut refused = None;
+        let answer_len = match plan {
+            Plan::Ignore => {
+                self.diagnostics.overheard();
+                return 0;
             }
-            _ => write_registers::commit(model, frame),
-        }
+            Plan::Silent { refused: exception } => {
+                refused = exception;
+                0
+            }
+            Plan::Answer { len } => {
+                if D::COUNTS && len == EXCEPTION_LEN && frame[1] & function::EXCEPTION_BIT != 0 {
+                    refused = Exception::from_code(frame[2]);
+                }
+                len
+            }
+            Plan::Diagnose { len } => len,
+            Plan::Write { len } => {
+                let written = write(model, frame);
+                if M::WRITES_MAY_FAIL {
+                    refused = written.err();
+                }
+                match written {
+                    Err(exception) if M::WRITES_MAY_FAIL && len != 0 => refuse(frame, exception),
+                    _ => len,
+                }
+            }
+            Plan::Call => {
+                let outcome = call(model, frame, request_len);
+                refused = outcome.err();
+                functions::answer(frame, outcome)
+            }
+        };
+        self.diagnostics.completed(frame, plan, answer_len, refused);
+        answer_len
+    }
+}
+
+/// Executes what was planned as [`Plan::Write`].
+fn write<M: DataModel>(model: &mut M, frame: &Adu) -> Result<(), Exception> {
+    use function::*;
+    let code = frame[1];
+    let is = |function: u8| M::FUNCTIONS.has(function) && code == function;
+    if is(WRITE_FILE_RECORD) {
+        file_records::write(model, frame)
+    } else if is(WRITE_SINGLE_COIL) || is(WRITE_MULTIPLE_COILS) {
+        write_bits::commit(model, frame)
+    } else {
+        write_registers::commit(model, frame)
+    }
+}
+
+/// Executes what was planned as [`Plan::Call`].
+fn call<M: DataModel>(model: &mut M, frame: &mut Adu, request_len: u8) -> Result<u8, Exception> {
+    use function::*;
+    let code = frame[1];
+    let is = |function: u8| M::FUNCTIONS.has(function) && code == function;
+    if is(MASK_WRITE_REGISTER) {
+        mask_write::execute(model, frame, request_len)
+    } else if is(READ_WRITE_REGISTERS) {
+        read_write_registers::execute(model, frame, request_len)
+    } else {
+        functions::call(model, frame, request_len)
     }
 }
 

@@ -19,21 +19,30 @@ pub(super) fn prepare<M: DataModel>(
         return Err(Exception::IllegalDataValue);
     }
     check_end(first, count)?;
+    let holding = frame[1] == READ_HOLDING_REGISTERS;
+    answer(model, frame, first, count, holding).map(|len| Plan::Answer { len })
+}
+
+/// Reads a block of up to 125 into the answer, returns its length.
+pub(super) fn answer<M: DataModel>(
+    model: &mut M,
+    frame: &mut Adu,
+    first: u16,
+    count: u16,
+    holding: bool,
+) -> Result<u8, Exception> {
     let byte_count = count as u8 * 2;
     frame[2] = byte_count;
-    let code = frame[1];
     let [_, _, _, bytes @ ..] = frame;
     let Some(bytes) = bytes.get_mut(..usize::from(byte_count)) else {
         return Err(Exception::IllegalDataValue);
     };
     bytes.fill(0);
     let out = RegistersOut::new(bytes);
-    if code == READ_HOLDING_REGISTERS {
+    if holding {
         model.holding_registers(first, out)?;
     } else {
         model.input_registers(first, out)?;
     }
-    Ok(Plan::Answer {
-        len: byte_count + 3,
-    })
+    Ok(byte_count + 3)
 }

@@ -5,7 +5,7 @@ use multidrop_protocol::Adu;
 use multidrop_protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::rtu::{Reception, Transmission};
-use multidrop_protocol::server::{DataModel, Functions, Plan, Server};
+use multidrop_protocol::server::{DataModel, Diagnostics, Plan, Server};
 
 pub const UNIT: u8 = 17;
 
@@ -123,12 +123,16 @@ impl DataModel for Tables {
     }
 }
 
-pub fn server() -> Server<Tables> {
-    Server::new(UNIT, Functions::standard())
+pub fn server() -> Server {
+    Server::new(UNIT)
 }
 
-/// Both phases over unit id and PDU: the answer without CRC, if there is one. Fails when the first phase changes the tables.
-pub fn ask_server(server: &Server<Tables>, tables: &mut Tables, request: &[u8]) -> Option<Vec<u8>> {
+/// Both phases over unit id and PDU: the answer without CRC, if there is one. Fails when the first phase changes the model.
+pub fn ask_server<D: Diagnostics, M: DataModel + Clone + PartialEq>(
+    server: &Server<D>,
+    tables: &mut M,
+    request: &[u8],
+) -> Option<Vec<u8>> {
     // What an earlier frame left in the buffer must not show.
     let mut frame: Adu = [0xA5; 256];
     frame[..request.len()].copy_from_slice(request);
@@ -137,9 +141,12 @@ pub fn ask_server(server: &Server<Tables>, tables: &mut Tables, request: &[u8]) 
     let plan = server.prepare(tables, &mut frame, len);
     assert!(
         *tables == before,
-        "prepare changed the tables: {request:02X?}"
+        "prepare changed the model: {request:02X?}"
     );
-    if matches!(plan, Plan::Write { .. } | Plan::Call) {
+    if matches!(
+        plan,
+        Plan::Write { .. } | Plan::Diagnose { .. } | Plan::Call
+    ) {
         assert_eq!(
             &frame[..request.len()],
             request,

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use multidrop_protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::registers::{Bank, CoilBank};
-use multidrop_protocol::server::{ApplicationFunction, DataModel, Functions, Server};
+use multidrop_protocol::server::{ApplicationFunction, DataModel, Function, Server};
 
 use super::book::{self, Book};
 
@@ -58,6 +58,43 @@ impl<const MAY_FAIL: bool> Memory<MAY_FAIL> {
 impl<const MAY_FAIL: bool> DataModel for Memory<MAY_FAIL> {
     const WRITES_MAY_FAIL: bool = MAY_FAIL;
 
+    /// The functions that [`Book`] knows.
+    const APPLICATION: &'static [ApplicationFunction<Self>] = &[
+        ApplicationFunction {
+            code: book::REVERSE,
+            broadcast: true,
+            run: reverse,
+        },
+        ApplicationFunction {
+            code: book::COUNT,
+            broadcast: false,
+            run: count,
+        },
+        ApplicationFunction {
+            code: book::TOO_LONG,
+            broadcast: false,
+            run: |_, pdu, _| {
+                pdu.fill(0xEE);
+                Ok(254)
+            },
+        },
+        ApplicationFunction {
+            code: book::BUSY,
+            broadcast: true,
+            run: |_, pdu, _| {
+                pdu.fill(0xEE);
+                Err(Exception::ServerDeviceBusy)
+            },
+        },
+        ApplicationFunction {
+            code: book::MUTE,
+            broadcast: false,
+            run: |_, _, _| Ok(0),
+        },
+    ];
+    /// One that echoes.
+    const DEFAULT: Option<Function<Self>> = Some(|_, _, len| Ok(len));
+
     fn coils(&mut self, first: u16, out: CoilsOut<'_>) -> Result<(), Exception> {
         self.coils.read(first, out)
     }
@@ -84,48 +121,9 @@ impl<const MAY_FAIL: bool> DataModel for Memory<MAY_FAIL> {
     }
 }
 
-/// The functions that [`Book`] knows, and as default one that echoes.
-pub fn server<const MAY_FAIL: bool>() -> Server<Memory<MAY_FAIL>> {
-    let functions = Functions::standard()
-        .with_table(
-            const {
-                &[
-                    ApplicationFunction {
-                        code: book::REVERSE,
-                        broadcast: true,
-                        run: reverse,
-                    },
-                    ApplicationFunction {
-                        code: book::COUNT,
-                        broadcast: false,
-                        run: count,
-                    },
-                    ApplicationFunction {
-                        code: book::TOO_LONG,
-                        broadcast: false,
-                        run: |_, pdu, _| {
-                            pdu.fill(0xEE);
-                            Ok(254)
-                        },
-                    },
-                    ApplicationFunction {
-                        code: book::BUSY,
-                        broadcast: true,
-                        run: |_, pdu, _| {
-                            pdu.fill(0xEE);
-                            Err(Exception::ServerDeviceBusy)
-                        },
-                    },
-                    ApplicationFunction {
-                        code: book::MUTE,
-                        broadcast: false,
-                        run: |_, _, _| Ok(0),
-                    },
-                ]
-            },
-        )
-        .with_default(|_, _, len| Ok(len));
-    Server::new(book::UNIT, functions)
+/// A server over a [`Memory`].
+pub fn server() -> Server {
+    Server::new(book::UNIT)
 }
 
 /// Answers the request's data in reverse order, and sets the first coil to whether there was any.

@@ -33,7 +33,7 @@ enum Serving {
 pub struct Unit<const MAY_FAIL: bool> {
     pub memory: Memory<MAY_FAIL>,
     pub events: Vec<Event>,
-    server: Server<Memory<MAY_FAIL>>,
+    server: Server,
     serving: Serving,
     /// Length of a frame handed on from one task to the other.
     handed: Option<u8>,
@@ -133,8 +133,10 @@ impl<const MAY_FAIL: bool> Unit<MAY_FAIL> {
                         self.events.push(Event::Executed(request, bus.chip.now));
                         self.serving = Serving::Sent;
                         if released {
-                            let written = self.server.write(&mut self.memory, bus.adu());
-                            assert_eq!(written, Ok(()));
+                            let adu = bus.adu();
+                            let before = *adu;
+                            self.server.commit(&mut self.memory, adu, len, plan);
+                            assert_eq!(*adu, before, "an answer is on its way");
                         } else {
                             let adu = bus.adu();
                             let answer = self.server.commit(&mut self.memory, adu, len, plan);
@@ -160,8 +162,8 @@ impl<const MAY_FAIL: bool> Unit<MAY_FAIL> {
         let plan = self.server.prepare(&mut self.memory, bus.adu(), len);
         assert!(before == self.memory, "preparing changed the model");
         self.serving = match plan {
-            Plan::Ignore => Serving::Sent,
-            Plan::Answer { len } => {
+            Plan::Ignore | Plan::Silent { .. } => Serving::Sent,
+            Plan::Answer { len } | Plan::Diagnose { len } => {
                 bus.release(len);
                 Serving::Sent
             }

@@ -12,6 +12,8 @@
 //! | [`function`], [`exception`] | codes and limits of the standard |
 //! | [`data`] | blocks of coils and registers as they stand in a frame |
 //! | [`server`] | a request in, an answer out, in one buffer |
+//! | [`client`] | a request made, an answer held against it |
+//! | [`number`] | wider numbers and text across registers |
 //! | [`registers`] | banks of registers and coils for a data model, rules on what may be written |
 //! | [`message`] | text of build errors |
 //!
@@ -22,6 +24,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod client;
 pub mod crc;
 pub mod data;
 pub mod exception;
@@ -29,6 +32,7 @@ pub mod format;
 pub mod function;
 pub mod line;
 pub mod message;
+pub mod number;
 pub mod registers;
 pub mod rtu;
 pub mod server;

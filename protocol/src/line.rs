@@ -122,14 +122,14 @@ pub struct LineMachine {
     phase: Phase,
     verdict: Verdict,
     buffer: Buffer,
+    /// Of the frame until it is fetched; then of the answer that starts at t3.5, 0 for none.
     len: u8,
     /// Flaws of the frame on the wire.
     flaws: Flaws,
-    /// Flaws of damaged frames not yet fetched.
+    /// Flaws of the damaged frames not yet fetched, and how many these are.
     damaged: Flaws,
-    /// Length of the answer that starts at t3.5; 0 for none.
-    released: u8,
-    /// Its first byte, taken from `transmission` ahead of time.
+    damaged_count: u8,
+    /// The first byte of the answer, taken from `transmission` ahead of time.
     first: u8,
     /// A future waits for the verdict or for silence; nobody else needs to be woken at t3.5.
     silence_awaited: bool,
@@ -146,7 +146,7 @@ impl LineMachine {
             len: 0,
             flaws: Flaws::NONE,
             damaged: Flaws::NONE,
-            released: 0,
+            damaged_count: 0,
             first: 0,
             silence_awaited: false,
             transmission: Transmission::new(),
@@ -270,11 +270,16 @@ impl LineMachine {
             wire.alarm(Interval::Character);
             return;
         }
-        if self.verdict != Verdict::Pending {
-            return self.on_free(wire);
-        }
-        self.verdict = Verdict::Stands;
         self.phase = Phase::Settled;
+        if self.verdict == Verdict::Pending {
+            self.verdict = Verdict::Stands;
+        }
+        if !self.flaws.is_empty() {
+            self.damaged |= self.flaws;
+            self.damaged_count = self.damaged_count.saturating_add(1);
+            self.flaws = Flaws::NONE;
+            wire.wake_receiver();
+        }
         if !wire.alarm(Interval::ToStart) {
             self.on_start(wire);
         }
@@ -286,7 +291,7 @@ impl LineMachine {
 
     #[inline(always)]
     fn on_start<W: Wire>(&mut self, wire: &mut W) {
-        if self.released > 0 {
+        if self.is_released() {
             if !wire.start_bit_seen() {
                 return self.start(wire);
             }
@@ -299,7 +304,14 @@ impl LineMachine {
     #[inline(always)]
     fn withhold(&mut self) {
         self.verdict = Verdict::Late;
-        self.released = 0;
+    }
+
+    /// Whether an answer starts at t3.5, if nothing comes between.
+    #[inline(always)]
+    fn is_released(&self) -> bool {
+        self.buffer == Buffer::Lent
+            && self.len > 0
+            && matches!(self.verdict, Verdict::Pending | Verdict::Stands)
     }
 
     /// t3.5 has passed on the wire.
@@ -307,11 +319,6 @@ impl LineMachine {
     fn on_free<W: Wire>(&mut self, wire: &mut W) {
         wire.alarm_off();
         self.phase = Phase::Silent;
-        if !self.flaws.is_empty() {
-            self.damaged |= self.flaws;
-            self.flaws = Flaws::NONE;
-            wire.wake_receiver();
-        }
         if self.silence_awaited || matches!(self.verdict, Verdict::Void | Verdict::Late) {
             self.silence_awaited = false;
             wire.wake_user();
@@ -320,7 +327,7 @@ impl LineMachine {
 
     /// Gets an answer of `len` bytes ready to be started.
     fn prepare<W: Wire>(&mut self, wire: &W, len: u8) {
-        self.released = len;
+        self.len = len;
         self.transmission.start(len);
         self.first = self.transmission.next(wire.adu()).unwrap_or(0);
     }
@@ -328,7 +335,6 @@ impl LineMachine {
     #[inline(never)]
     fn start<W: Wire>(&mut self, wire: &mut W) {
         wire.talk(self.first);
-        self.released = 0;
         self.verdict = Verdict::Sent;
         self.phase = Phase::Sending;
         if wire.is_ready() {
@@ -359,17 +365,23 @@ impl LineMachine {
         wire.wake_user();
     }
 
-    /// A good frame, which is lent by this, as its length without CRC; or the flaws of damaged ones, told once.
+    /// A good frame, which is lent by this, as its length without check bytes; or a damaged one, as its flaws.
+    ///
+    /// Each damaged frame is told once, up to 255 that wait to be fetched; where several do, each with the flaws of all. They
+    /// come first: whoever answers the good frame may be asked how many there were.
     #[inline]
     pub fn fetch(&mut self) -> Option<Result<u8, Flaws>> {
+        if self.damaged_count > 0 {
+            self.damaged_count -= 1;
+            let flaws = self.damaged;
+            if self.damaged_count == 0 {
+                self.damaged = Flaws::NONE;
+            }
+            return Some(Err(flaws));
+        }
         if self.buffer == Buffer::Full {
             self.buffer = Buffer::Lent;
-            return Some(Ok(self.len));
-        }
-        if !self.damaged.is_empty() {
-            let flaws = self.damaged;
-            self.damaged = Flaws::NONE;
-            return Some(Err(flaws));
+            return Some(Ok(core::mem::take(&mut self.len)));
         }
         None
     }
@@ -380,6 +392,7 @@ impl LineMachine {
     pub fn take_buffer(&mut self) -> bool {
         if matches!(self.phase, Phase::Settled | Phase::Silent) && self.buffer == Buffer::Free {
             self.buffer = Buffer::Lent;
+            self.len = 0;
             self.verdict = Verdict::Stands;
             return true;
         }
@@ -407,9 +420,7 @@ impl LineMachine {
     /// t3.5, [`Wire::wake_user`] is called when that ends.
     #[inline]
     pub fn sent(&self) -> Option<bool> {
-        if self.is_sending()
-            || self.released > 0 && matches!(self.verdict, Verdict::Pending | Verdict::Stands)
-        {
+        if self.is_sending() || self.is_released() {
             return None;
         }
         Some(self.verdict == Verdict::Sent)
@@ -442,7 +453,6 @@ impl LineMachine {
     /// transmitter holds.
     #[inline]
     pub fn give_back(&mut self) {
-        self.released = 0;
         self.verdict = Verdict::None;
         self.buffer = Buffer::Free;
         if self.phase == Phase::Sending {

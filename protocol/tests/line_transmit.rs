@@ -38,6 +38,26 @@ fn try_to_transmit(bus: &mut Bus) -> bool {
     sends
 }
 
+/// Whoever releases too late is told so, and not left to wait.
+#[test]
+fn what_is_withheld_is_told_as_not_sent() {
+    let mut bus = bus();
+    hear(&mut bus, 2000);
+    bus.pass(2448);
+    assert!(bus.take_buffer());
+    bus.adu()[..BODY.len()].copy_from_slice(&BODY);
+    bus.release(BODY.len() as u8);
+    assert_eq!(bus.machine.sent(), None);
+    hear(&mut bus, 2449);
+    bus.pass(2450);
+    assert!(bus.chip.user_woken);
+    assert_eq!(bus.machine.sent(), Some(false));
+    bus.give_back();
+    assert!(!try_to_transmit(&mut bus));
+    bus.pass(2449 + 100 + 350);
+    assert!(try_to_transmit(&mut bus));
+}
+
 fn hear(bus: &mut Bus, start: u64) {
     let byte = 0x55;
     let flaws = Flaws::NONE;
@@ -109,4 +129,41 @@ fn a_character_under_way_is_not_talked_over() {
     assert!(!try_to_transmit(&mut bus));
     bus.pass(5050 + 460);
     assert!(try_to_transmit(&mut bus));
+}
+
+/// As a client does whose answer has just come: the next request is started at t3.5 by the alarm.
+#[test]
+fn one_that_asks_when_the_frame_before_stands_talks_at_t3_5_to_the_tick() {
+    for good in [true, false] {
+        let mut bus = bus();
+        let mut bytes = framed(&BODY);
+        if !good {
+            bytes[7] ^= 1;
+        }
+        for (index, &byte) in bytes.iter().enumerate() {
+            let start = 2000 + 100 * index as u64;
+            let flaws = Flaws::NONE;
+            bus.chip.chars.push(Char { start, byte, flaws });
+        }
+        let end = 2000 + FRAME;
+        bus.pass(end + 160);
+        if good {
+            assert_eq!(bus.fetch(), Some(Ok(BODY.len() as u8)));
+            bus.give_back();
+        }
+        assert!(!bus.take_buffer());
+        bus.pass(end + 347);
+        assert!(!bus.take_buffer());
+        // Judged two ticks early.
+        bus.pass(end + 348);
+        assert!(bus.chip.user_woken && bus.take_buffer());
+        bus.adu()[..BODY.len()].copy_from_slice(&BODY);
+        bus.release(BODY.len() as u8);
+        assert_eq!(bus.machine.sent(), None);
+        bus.pass(end + 350 + FRAME);
+        assert_eq!(bus.machine.sent(), Some(true), "good: {good}");
+        let talk = &bus.chip.talks[0];
+        assert_eq!((talk.start, talk.end), (end + 350, end + 350 + FRAME));
+        assert_eq!(talk.bytes, framed(&BODY));
+    }
 }

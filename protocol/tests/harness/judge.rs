@@ -3,6 +3,7 @@
 use super::book::{Book, Outcome, framed, unframed};
 use super::bus::{Bus, Char, Settings, Talk};
 use super::unit::{Event, Unit};
+use multidrop_protocol::rtu::Flaws;
 
 /// How a script makes judging easier or harder.
 pub struct Circumstances {
@@ -34,6 +35,8 @@ pub struct Run {
     pub end: u64,
     bytes: Vec<u8>,
     damaged: bool,
+    /// There was a silence over t1.5 in it.
+    gap: bool,
 }
 
 impl Run {
@@ -86,11 +89,13 @@ pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], glitches: &[u64
                 end: 0,
                 bytes: Vec::new(),
                 damaged: false,
+                gap: false,
             });
         }
         let run = runs.last_mut().unwrap();
         if !begins && settings.strict && gap.is_some_and(|gap| gap > settings.t1_5) {
             run.damaged = true;
+            run.gap = true;
         }
         run.damaged |= !char.flaws.is_empty();
         run.last = index;
@@ -140,12 +145,18 @@ fn judge_exactly<const MAY_FAIL: bool>(
         Event::Executed(request, at) => Some((*request, *at)),
         _ => None,
     });
+    let mut told = unit.events.iter().filter_map(|event| match event {
+        Event::Damaged(flaws) => Some(*flaws),
+        _ => None,
+    });
     let mut verdict = Verdict::default();
     let mut hogged = false;
     for run in runs(settings, &bus.chip.chars, &bus.chip.talks, &[]) {
         let Some(body) = run.body().filter(|_| !std::mem::take(&mut hogged)) else {
             hogged = false;
             verdict.bad += 1;
+            let flaws = told.next().expect("a damaged frame is not told");
+            assert_eq!(flaws.contains(Flaws::GAP), run.gap, "{flaws:?}");
             continue;
         };
         verdict.good += 1;
@@ -192,6 +203,7 @@ fn judge_exactly<const MAY_FAIL: bool>(
         "talked unasked"
     );
     assert_eq!(executed.next(), None, "executed unasked");
+    assert_eq!(told.next(), None, "told of a frame that was not damaged");
     verdict
 }
 
@@ -217,7 +229,7 @@ fn judge_what_was_done<const MAY_FAIL: bool>(
     let mut told_unexecuted = None;
     for event in unit.events.iter().copied() {
         match event {
-            Event::Damaged => {}
+            Event::Damaged(_) => {}
             Event::Fetched(first) => {
                 assert_eq!(told_unexecuted, None, "told what it has not done");
                 let talk = talks.next_if(|talk| talk.request == first);

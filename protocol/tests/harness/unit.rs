@@ -1,6 +1,7 @@
 //! The two tasks of a port, as the firmware has them: one takes frames from the line, the other works out answers.
 
 use multidrop_protocol::BROADCAST;
+use multidrop_protocol::rtu::Flaws;
 use multidrop_protocol::server::{DataModel, Plan, Server};
 
 use super::book::{Book, UNIT};
@@ -14,8 +15,8 @@ pub enum Event {
     Fetched(usize),
     /// Went through with it, at this tick: wrote, or called the application.
     Executed(usize, u64),
-    /// Was told of damaged frames.
-    Damaged,
+    /// Was told of a damaged frame.
+    Damaged(Flaws),
 }
 
 enum Serving {
@@ -97,9 +98,12 @@ impl<const MAY_FAIL: bool> Unit<MAY_FAIL> {
 
     fn receive(&mut self, bus: &mut Bus) {
         while let Some(fetched) = bus.fetch() {
-            let Ok(len) = fetched else {
-                self.events.push(Event::Damaged);
-                continue;
+            let len = match fetched {
+                Ok(len) => len,
+                Err(flaws) => {
+                    self.events.push(Event::Damaged(flaws));
+                    continue;
+                }
             };
             let request = bus.chip.lent.unwrap();
             self.events.push(Event::Fetched(request));

@@ -15,7 +15,44 @@ pub fn with_crc(body: &[u8]) -> Vec<u8> {
     [body, &CRC.checksum(body).to_le_bytes()].concat()
 }
 
-/// Characters of one sender without a silence of t3.5 between them.
+/// How the characters on the wire make frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Framing {
+    /// Silence ends a frame, a CRC is its check (SER 2.5.1).
+    Rtu,
+    /// From `:` to CR and another character, LF if nobody has changed it; an LRC is its check (SER 2.5.2).
+    Ascii,
+}
+
+impl Framing {
+    fn check(self) -> &'static str {
+        match self {
+            Framing::Rtu => "CRC",
+            Framing::Ascii => "LRC",
+        }
+    }
+
+    /// The longest pause inside a frame.
+    fn pause(self, line: Line) -> Time {
+        match self {
+            Framing::Rtu => line.t15(),
+            Framing::Ascii => Time::from_ms(1_000),
+        }
+    }
+
+    /// Whether a character of the same sender after a pause still belongs to a frame.
+    fn goes_on(self, frame: &Frame, byte: &WireByte, pause: Time, line: Line) -> bool {
+        match self {
+            Framing::Rtu => pause < line.t35(),
+            Framing::Ascii => {
+                let over = matches!(frame.characters[..], [.., cr, _] if cr.value == 0x0d);
+                byte.value != u16::from(b':') && !over && pause <= self.pause(line)
+            }
+        }
+    }
+}
+
+/// Characters of one sender that a receiver takes for one frame.
 ///
 /// As text, [`fmt::Display`], it is one line: when it began, who sent it, its bytes, what they mean
 /// and what is wrong with them.
@@ -23,39 +60,42 @@ pub fn with_crc(body: &[u8]) -> Vec<u8> {
 pub struct Frame {
     /// Who sent it.
     pub from: Station,
+    /// What makes it one.
+    pub framing: Framing,
     /// Its characters, in the order they were sent.
     pub characters: Vec<WireByte>,
-    /// Pauses longer than t1.5 inside of it: the index of the character behind, and how long.
+    /// Pauses inside of it that are too long, t1.5 for RTU: the index of the character behind, and how long.
     /// Receivers drop the frame (SER 2.5.1.1).
     pub pauses: Vec<(usize, Time)>,
     /// From the end of the frame before, where that was another station's.
     pub turnaround: Option<Time>,
     /// It began before the frame before it was over by t3.5: receivers take both for one.
     pub early: bool,
-    /// It is an answer: a node sent it, or it follows another station's request to the same unit
-    /// with the same function.
+    /// It is an answer: it follows another station's request to the same unit with the same function. Whether a
+    /// node or a host sent it says nothing: both can be client and server.
     pub answer: bool,
 }
 
 impl Frame {
-    fn new(first: &WireByte, before: Option<&Frame>, line: Line) -> Self {
+    fn new(first: &WireByte, before: Option<&Frame>, framing: Framing, line: Line) -> Self {
         let turnaround = before
             .filter(|frame| frame.from != first.from)
             .map(|frame| first.start.saturating_sub(frame.end()));
         Frame {
             from: first.from,
+            framing,
             characters: Vec::new(),
             pauses: Vec::new(),
             turnaround,
             early: turnaround.is_some_and(|time| time < line.t35()),
-            answer: matches!(first.from, Station::Node(_)),
+            answer: false,
         }
     }
 
     fn push(&mut self, byte: &WireByte, line: Line) {
         if let Some(last) = self.characters.last() {
             let pause = byte.start.saturating_sub(last.end);
-            if pause > line.t15() {
+            if pause > self.framing.pause(line) {
                 self.pauses.push((self.characters.len(), pause));
             }
         }
@@ -64,12 +104,14 @@ impl Frame {
 
     /// Once it is whole: whether it answers the frame before.
     fn look_back(&mut self, before: Option<&Frame>) {
-        let head = |frame: &Frame| match frame.characters[..] {
-            [unit, function, ..] => Some((unit.value, function.value & 0x7F)),
+        let head = |frame: &Frame| match frame.content()[..] {
+            // A broadcast is not answered.
+            [unit, function, ..] if unit != 0 => Some((unit, function & 0x7F)),
             _ => None,
         };
-        self.answer |= before.is_some_and(|before| {
-            before.from != self.from && !before.answer && head(before) == head(self)
+        self.answer = before.is_some_and(|before| {
+            let own = head(self);
+            before.from != self.from && !before.answer && own.is_some() && head(before) == own
         });
     }
 
@@ -93,36 +135,60 @@ impl Frame {
         self.characters.iter().all(WireByte::is_good)
     }
 
-    /// Without the CRC, if that is right.
-    pub fn body(&self) -> Option<Vec<u8>> {
+    /// Unit id, PDU and check, right or wrong; of ASCII what its digits say, nothing if they say nothing.
+    fn content(&self) -> Vec<u8> {
         let bytes = self.bytes();
-        let (body, sum) = bytes.split_last_chunk::<2>()?;
-        (CRC.checksum(body).to_le_bytes() == *sum).then(|| body.to_vec())
+        match self.framing {
+            Framing::Rtu => bytes,
+            Framing::Ascii => digits(&bytes).unwrap_or_default(),
+        }
+    }
+
+    /// Unit id and PDU, if the check is right.
+    pub fn body(&self) -> Option<Vec<u8>> {
+        let content = self.content();
+        match self.framing {
+            Framing::Rtu => {
+                let (body, sum) = content.split_last_chunk::<2>()?;
+                (CRC.checksum(body).to_le_bytes() == *sum).then(|| body.to_vec())
+            }
+            Framing::Ascii => {
+                let (_, body) = content.split_last()?;
+                (sum(&content) == 0).then(|| body.to_vec())
+            }
+        }
     }
 
     /// Whether it is an exception response (APP 7).
     pub fn is_exception(&self) -> bool {
-        let function = self.characters.get(1);
-        self.answer && function.is_some_and(|c| c.value & 0x80 != 0)
+        let function = self.content().get(1).copied();
+        self.answer && function.is_some_and(|function| function & 0x80 != 0)
     }
 
-    /// Its bytes in hex. A pause over t1.5 stands in brackets where it was, `!` behind a character
-    /// that is not on the wire as it was sent.
+    /// Its bytes in hex, of ASCII its characters. A pause that is too long stands in brackets where it was, `!` behind
+    /// a character that is not on the wire as it was sent.
     pub fn hex(&self) -> String {
         let mut words = Vec::new();
         for (index, character) in self.characters.iter().enumerate() {
             let pause = self.pauses.iter().find(|(at, _)| *at == index);
             words.extend(pause.map(|(_, time)| format!("[{time}]")));
             let mark = if character.is_good() { "" } else { "!" };
-            words.push(format!("{:02X}{mark}", character.value));
+            words.push(match self.framing {
+                Framing::Rtu => format!("{:02X}{mark}", character.value),
+                Framing::Ascii => format!("{}{mark}", (character.value as u8).escape_ascii()),
+            });
         }
-        words.join(" ")
+        words.join(match self.framing {
+            Framing::Rtu => " ",
+            Framing::Ascii => "",
+        })
     }
 
     /// In words.
     pub fn meaning(&self) -> String {
+        let check = self.framing.check();
         let Some(body) = self.body() else {
-            return "CRC wrong: no frame for anybody".to_owned();
+            return format!("{check} wrong: no frame for anybody");
         };
         let text = match &body[..] {
             [0, pdu @ ..] => format!("broadcast: {}", request(pdu)),
@@ -130,14 +196,18 @@ impl Frame {
             [unit, pdu @ ..] => format!("unit {unit}: {}", request(pdu)),
             [] => "nothing".to_owned(),
         };
-        format!("{text}, CRC ok")
+        format!("{text}, {check} ok")
     }
 
     /// What is wrong with it on the wire, whatever its bytes say.
     pub fn troubles(&self) -> Vec<&'static str> {
         let any = |wrong: fn(&WireByte) -> bool| self.characters.iter().any(wrong);
+        let pause = match self.framing {
+            Framing::Rtu => "a pause over t1.5",
+            Framing::Ascii => "a pause over 1 s",
+        };
         let all = [
-            (!self.pauses.is_empty(), "a pause over t1.5"),
+            (!self.pauses.is_empty(), pause),
             (self.early, "before t3.5"),
             (any(|c| c.framing_error), "framing error"),
             (any(|c| c.parity_error), "parity error"),
@@ -167,18 +237,45 @@ impl fmt::Display for Frame {
     }
 }
 
-/// The frames in `record`, in the order of time.
+/// What stands between `:` and CR, two digits to a byte.
+fn digits(bytes: &[u8]) -> Option<Vec<u8>> {
+    let digits = match bytes.strip_prefix(b":")? {
+        [digits @ .., b'\r', _] => digits,
+        _ => return None,
+    };
+    let digit = |byte: u8| char::from(byte).to_digit(16).map(|digit| digit as u8);
+    let (pairs, rest) = digits.as_chunks::<2>();
+    let byte = |[high, low]: &[u8; 2]| Some(digit(*high)? << 4 | digit(*low)?);
+    pairs
+        .iter()
+        .map(byte)
+        .collect::<Option<_>>()
+        .filter(|_| rest.is_empty())
+}
+
+/// Of all bytes of an ASCII frame, the LRC included, it is 0 (SER 2.5.2.2).
+fn sum(bytes: &[u8]) -> u8 {
+    bytes.iter().fold(0, |sum, byte| sum.wrapping_add(*byte))
+}
+
+/// The RTU frames in `record`, in the order of time.
 pub fn frames(record: &Record, line: Line) -> Vec<Frame> {
+    framed(record, line, Framing::Rtu)
+}
+
+/// The frames in `record`, in the order of time.
+pub fn framed(record: &Record, line: Line, framing: Framing) -> Vec<Frame> {
     let mut bytes: Vec<_> = record.bytes().iter().collect();
     bytes.sort_by_key(|byte| byte.start);
     let mut frames: Vec<Frame> = Vec::new();
     for byte in bytes {
         let before = frames.last();
         let goes_on = before.is_some_and(|frame| {
-            frame.from == byte.from && byte.start.saturating_sub(frame.end()) < line.t35()
+            let pause = byte.start.saturating_sub(frame.end());
+            frame.from == byte.from && framing.goes_on(frame, byte, pause, line)
         });
         if !goes_on {
-            let frame = Frame::new(byte, before, line);
+            let frame = Frame::new(byte, before, framing, line);
             frames.push(frame);
         }
         if let Some(frame) = frames.last_mut() {
@@ -219,6 +316,11 @@ fn request(pdu: &[u8]) -> String {
             registers(data)
         ),
         [0x18, a, b] => format!("{name} at {}", word(a, b)),
+        [0x14, _, ref groups @ ..] => format!("{name}:{}", records(groups, false)),
+        [0x15, _, ref groups @ ..] => format!("{name}:{}", records(groups, true)),
+        [0x2B, 0x0E, code, object] => {
+            format!("Read Device Identification, code {code} from object {object}")
+        }
         _ => name,
     }
 }
@@ -233,9 +335,65 @@ fn answer(pdu: &[u8]) -> String {
         [7, status] => format!("{name}: {}", bits(&[status])),
         [8, a, b, ref data @ ..] => format!("{name} {}: {}", word(a, b), registers(data)),
         [0x0B, a, b, c, d] => format!("{name}: status {}, {} events", word(a, b), word(c, d)),
+        [0x0C, _, a, b, c, d, e, f, ref log @ ..] => format!(
+            "{name}: status {}, {} events, {} messages, log {}",
+            word(a, b),
+            word(c, d),
+            word(e, f),
+            hex(log)
+        ),
         [15 | 16, a, b, c, d] => format!("{name}: done, {} from {}", word(c, d), word(a, b)),
+        [0x11, _, id, run, ref text @ ..] => {
+            format!(
+                "{name}: id {id}, run indicator {run:02X}, \"{}\"",
+                text.escape_ascii()
+            )
+        }
+        [0x15, _, ref groups @ ..] => format!("{name}: done,{}", records(groups, true)),
+        [0x18, _, _, a, b, ref data @ ..] => {
+            format!("{name}, {} in the queue: {}", word(a, b), registers(data))
+        }
+        [0x2B, 0x0E, _, _, _, _, _, ref data @ ..] => {
+            format!("Read Device Identification:{}", objects(data))
+        }
         _ => name,
     }
+}
+
+/// The groups of FC 14 and 15 (APP 6.14, 6.15).
+fn records(mut groups: &[u8], with_data: bool) -> String {
+    let mut text = String::new();
+    while let [_, a, b, c, d, e, f, rest @ ..] = groups {
+        let count = word(*e, *f);
+        text += &format!(" {count} of file {} from {}", word(*a, *b), word(*c, *d));
+        let data = if with_data { 2 * usize::from(count) } else { 0 };
+        let Some((data, rest)) = rest.split_at_checked(data) else {
+            return text + " and something";
+        };
+        if with_data {
+            text += &format!(" := {}", registers(data));
+        }
+        groups = rest;
+    }
+    text
+}
+
+/// The objects of FC 2B/0E (APP 6.21).
+fn objects(mut data: &[u8]) -> String {
+    let mut text = String::new();
+    while let [id, len, rest @ ..] = data {
+        let Some((value, rest)) = rest.split_at_checked((*len).into()) else {
+            return text + " and something";
+        };
+        text += &format!(" {id} \"{}\"", value.escape_ascii());
+        data = rest;
+    }
+    text
+}
+
+fn hex(bytes: &[u8]) -> String {
+    let bytes: Vec<_> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+    bytes.join(" ")
 }
 
 fn word(high: u8, low: u8) -> u16 {

@@ -47,7 +47,7 @@ pub use bus::{Answer, Bus, BusConfig};
 pub use elf::DataSymbol;
 pub use error::BusError;
 pub use faults::{Campaign, Damage, Fault, Random, received};
-pub use frames::{Frame, frames, with_crc};
+pub use frames::{Frame, Framing, framed, frames, with_crc};
 pub use gpio::{Level, Pin};
 pub use host::{Host, HostPort, RxByte, Tx};
 pub use line::{Format, Line, Parity};

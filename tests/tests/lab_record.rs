@@ -9,7 +9,9 @@ use std::process::Command;
 
 use common::frames::{adu, be, block, data, words};
 use common::{LINE, Rig, registers};
-use multidrop_bus::{Bus, BusConfig, Frame, HostPort, Level, Nano, Pin, Time, Tx, frames};
+use multidrop_bus::{
+    Bus, BusConfig, Frame, Framing, HostPort, Level, Nano, Pin, Time, Tx, framed, frames,
+};
 
 /// sigrok takes a sample for every so many nanoseconds here.
 const SAMPLE_NS: u64 = 100;
@@ -166,6 +168,105 @@ fn text_says_who_when_and_what() {
              broadcast: Write Multiple Coils from 19 := 1011001110, CRC ok",
         ]
     );
+}
+
+/// Frames that a client and a server send in turn, as text without time and sender.
+fn told(exchanges: &[(&[u8], &[u8])]) -> Vec<String> {
+    let (mut bus, [client, server]) = two_hosts();
+    for (request, answer) in exchanges {
+        for (host, body) in [(client, request), (server, answer)] {
+            bus.host(host).send(&adu(body));
+            bus.run_for(Time::from_ms(40));
+        }
+    }
+    let found = frames(bus.record(), LINE);
+    let arrow = |frame: &Frame| if frame.answer { "<- " } else { "-> " };
+    let told = |frame: &Frame| format!("{}{}", arrow(frame), frame.meaning());
+    found.iter().map(told).collect()
+}
+
+#[test]
+fn text_tells_of_every_function() {
+    let id = [&[17, 0x11, 11, 17, 0xff], &b"multidrop"[..]].concat();
+    let object = [&[17, 0x2b, 14, 4, 0x82, 0, 0, 1, 1, 4], &b"nano"[..]].concat();
+    let file = [17, 0x15, 9, 6, 0, 4, 0, 7, 0, 1, 6, 0xaf];
+    assert_eq!(
+        told(&[
+            (&[17, 7], &[17, 7, 0x6d]),
+            (&[17, 8, 0, 0, 0xa5, 0x37], &[17, 8, 0, 0, 0xa5, 0x37]),
+            (&[17, 11], &[17, 11, 0, 0, 1, 8]),
+            (&[17, 12], &[17, 12, 8, 0, 0, 1, 8, 1, 0x21, 0x20, 0]),
+            (&[17, 17], &id),
+            (
+                &[17, 0x14, 7, 6, 0, 4, 0, 1, 0, 2],
+                &[17, 0x14, 6, 5, 6, 13, 254, 0, 32]
+            ),
+            (&file, &file),
+            (
+                &[17, 0x16, 0, 4, 0, 0xf2, 0, 0x25],
+                &[17, 0x16, 0, 4, 0, 0xf2, 0, 0x25]
+            ),
+            (
+                &[17, 0x17, 0, 3, 0, 1, 0, 14, 0, 1, 2, 0, 255],
+                &[17, 0x17, 2, 0, 254]
+            ),
+            (
+                &[17, 0x18, 4, 0xde],
+                &[17, 0x18, 0, 6, 0, 2, 1, 0xb8, 0x12, 0x84]
+            ),
+            (&[17, 0x2b, 14, 4, 1], &object),
+            (&[17, 6, 100, 0, 0, 0], &[17, 0x86, 7]),
+        ]),
+        [
+            "-> unit 17: Read Exception Status, CRC ok",
+            "<- unit 17: Read Exception Status: 10110110, CRC ok",
+            "-> unit 17: Diagnostics 0: 0xA537, CRC ok",
+            "<- unit 17: Diagnostics 0: 0xA537, CRC ok",
+            "-> unit 17: Get Comm Event Counter, CRC ok",
+            "<- unit 17: Get Comm Event Counter: status 0, 264 events, CRC ok",
+            "-> unit 17: Get Comm Event Log, CRC ok",
+            "<- unit 17: Get Comm Event Log: status 0, 264 events, 289 messages, log 20 00, CRC ok",
+            "-> unit 17: Report Server ID, CRC ok",
+            "<- unit 17: Report Server ID: id 17, run indicator FF, \"multidrop\", CRC ok",
+            "-> unit 17: Read File Record: 2 of file 4 from 1, CRC ok",
+            "<- unit 17: Read File Record, CRC ok",
+            "-> unit 17: Write File Record: 1 of file 4 from 7 := 0x06AF, CRC ok",
+            "<- unit 17: Write File Record: done, 1 of file 4 from 7 := 0x06AF, CRC ok",
+            "-> unit 17: Mask Write Register 4 := value & 0x00F2 | 0x0025 & !0x00F2, CRC ok",
+            "<- unit 17: Mask Write Register: done, CRC ok",
+            "-> unit 17: Read/Write Multiple Registers, 1 from 3, from 14 := 0x00FF, CRC ok",
+            "<- unit 17: Read/Write Multiple Registers: 0x00FE, CRC ok",
+            "-> unit 17: Read FIFO Queue at 1246, CRC ok",
+            "<- unit 17: Read FIFO Queue, 2 in the queue: 0x01B8 0x1284, CRC ok",
+            "-> unit 17: Read Device Identification, code 4 from object 1, CRC ok",
+            "<- unit 17: Read Device Identification: 1 \"nano\", CRC ok",
+            "-> unit 17: Write Single Register 25600 := 0x0000, CRC ok",
+            "<- unit 17: exception 07 negative acknowledge (Write Single Register), CRC ok",
+        ]
+    );
+}
+
+#[test]
+fn text_tells_ascii_frames_apart_by_their_characters() {
+    let (mut bus, [client, server]) = two_hosts();
+    bus.host(client).send(b":1103006B00037E\r\n");
+    bus.run_for(Time::from_ms(20));
+    bus.host(server).send(b":110306AE4156524340CC\r\n:11\r\n");
+    bus.run_for(Time::from_ms(40));
+    let found = framed(bus.record(), LINE, Framing::Ascii);
+    let told: Vec<_> = found
+        .iter()
+        .map(|frame| format!("{}  {}", frame.hex(), frame.meaning()))
+        .collect();
+    assert_eq!(
+        told,
+        [
+            ":1103006B00037E\\r\\n  unit 17: Read Holding Registers, 3 from 107, LRC ok",
+            ":110306AE4156524340CC\\r\\n  unit 17: Read Holding Registers: 0xAE41 0x5652 0x4340, LRC ok",
+            ":11\\r\\n  LRC wrong: no frame for anybody",
+        ]
+    );
+    assert!(found[1].answer && !found[0].answer);
 }
 
 #[test]

@@ -11,6 +11,7 @@
 #![forbid(unsafe_code)]
 
 pub mod config;
+pub mod conformance;
 pub mod line;
 pub mod port;
 pub mod receive;

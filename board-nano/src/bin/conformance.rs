@@ -1,0 +1,58 @@
+//! Every function over a fixed map, for conformance tests: unit 17, RTU 38400 8N1 if not built otherwise.
+#![no_std]
+#![no_main]
+#![feature(abi_avr_interrupt)]
+
+use board_nano::{Rs485, options, settings};
+use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
+use multidrop_firmware::conformance::{Conformance, EVENTS, UNIT};
+use multidrop_firmware::protocol::format::LineFormat;
+use multidrop_firmware::protocol::server::Counted;
+use multidrop_firmware::{PortConfig, Shared};
+use static_cell::{ConstStaticCell, StaticCell};
+
+/// Without files: they would take 250 bytes of stack.
+type Model = Shared<Conformance<0>>;
+type Port = multidrop_firmware::Port<Rs485, Counted<EVENTS>>;
+
+const PORT: PortConfig = PortConfig::new("RS4")
+    .slave_id(UNIT)
+    .baud(options::baud(38_400))
+    .format(options::format(LineFormat::F8N1));
+
+bind_usart0!(Rs485);
+
+#[embassy_executor::task]
+async fn receive(port: &'static Port) -> ! {
+    multidrop_firmware::receive(port).await
+}
+
+#[embassy_executor::task]
+async fn serve(port: &'static Port, model: &'static Model) -> ! {
+    multidrop_firmware::serve(port, model).await
+}
+
+#[avr_device::entry]
+fn main() -> ! {
+    let chip = pac::Peripherals::take().unwrap();
+    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
+    let line = Rs485::new(
+        chip.USART0,
+        &chip.TC1,
+        pins.PD0,
+        pins.PD1,
+        pins.PD2,
+        const { settings(&PORT) },
+    );
+
+    static PORT_CELL: StaticCell<Port> = StaticCell::new();
+    let port = PORT_CELL.init(Port::counted(line, &PORT));
+    // Where it is built is where it stays: half a kilobyte is too much to move.
+    static MODEL: ConstStaticCell<Model> =
+        ConstStaticCell::new(Shared::new(Conformance::new("nano")));
+    let model = MODEL.take();
+    executor::run(|spawner| {
+        spawner.spawn(receive(port).unwrap());
+        spawner.spawn(serve(port, model).unwrap());
+    })
+}

@@ -10,6 +10,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod client;
 pub mod config;
 pub mod conformance;
 pub mod line;
@@ -18,6 +19,7 @@ pub mod receive;
 pub mod serve;
 pub mod shared;
 
+pub use client::{Client, ClientConfig, ClientError, ClientPort, client_receive};
 pub use config::PortConfig;
 pub use line::{Frame, InterCharacter, Line, LineConfig};
 pub use multidrop_protocol as protocol;

@@ -1,0 +1,128 @@
+//! What the tasks of a port share to ask and to be answered.
+
+use core::cell::Cell;
+
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Instant};
+use multidrop_protocol::rtu::Flaws;
+
+use super::ClientError;
+use crate::line::{Frame, Line};
+
+/// What was heard: a frame, lent and provisional, or what was wrong with one.
+pub(super) type Heard<L> = Result<Frame<'static, L>, Flaws>;
+
+/// The right to the line, held by one request at a time.
+pub(super) type Turn<const N: usize> = SemaphoreReleaser<'static, FairSemaphore<NoopRawMutex, N>>;
+
+/// The turns of the clients of one port, and the way of what is heard to the one that waits for it. `N`
+/// requests may wait for their turn.
+pub struct Exchange<L: Line + 'static, const N: usize> {
+    turn: FairSemaphore<NoopRawMutex, N>,
+    heard: Signal<NoopRawMutex, Heard<L>>,
+    expecting: Cell<bool>,
+    /// Until then the answer to a request may come that nobody waits for any more.
+    owed: Cell<Option<Instant>>,
+}
+
+impl<L: Line + 'static, const N: usize> Exchange<L, N> {
+    /// Nobody asks.
+    pub const fn new() -> Self {
+        Self {
+            turn: FairSemaphore::new(1),
+            heard: Signal::new(),
+            expecting: Cell::new(false),
+            owed: Cell::new(None),
+        }
+    }
+
+    /// For the task that takes frames from the line: hands on what it heard to the request that waits; if none
+    /// does, a frame is given back to the line.
+    pub fn offer(&self, heard: Result<Frame<'static, L>, Flaws>) {
+        if self.expecting.get() {
+            self.heard.signal(heard);
+        } else if heard.is_ok() {
+            self.owed.set(None);
+        }
+    }
+
+    /// Whether a request is under way or waits for its turn.
+    pub fn is_busy(&self) -> bool {
+        self.turn.try_acquire(1).is_none()
+    }
+
+    /// Waits for the line, behind those who asked before.
+    pub(super) async fn turn(&'static self) -> Result<Turn<N>, ClientError> {
+        self.turn
+            .acquire(1)
+            .await
+            .map_err(|_| ClientError::QueueFull)
+    }
+
+    /// Whether the answer to a request that was given up may still come.
+    pub(super) fn is_owed(&self) -> Option<Instant> {
+        self.owed.get()
+    }
+
+    pub(super) fn settled(&self) {
+        self.owed.set(None);
+    }
+
+    /// Begins to wait for what is heard, as long as the result lives.
+    pub(super) fn expect(&self) -> Expecting<'_, L, N> {
+        self.expecting.set(true);
+        Expecting(self)
+    }
+
+    /// A request goes out that will be answered within `timeout` of its end. If the result is dropped
+    /// before [`Debt::settle`], others wait for that answer.
+    pub(super) fn owe(&self, timeout: Duration) -> Debt<'_, L, N> {
+        Debt {
+            exchange: self,
+            timeout,
+        }
+    }
+}
+
+impl<L: Line + 'static, const N: usize> Default for Exchange<L, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What is heard goes to its holder.
+pub(super) struct Expecting<'a, L: Line + 'static, const N: usize>(&'a Exchange<L, N>);
+
+impl<L: Line + 'static, const N: usize> Expecting<'_, L, N> {
+    pub fn heard(&self) -> impl Future<Output = Heard<L>> + '_ {
+        self.0.heard.wait()
+    }
+}
+
+impl<L: Line + 'static, const N: usize> Drop for Expecting<'_, L, N> {
+    fn drop(&mut self) {
+        self.0.expecting.set(false);
+        self.0.heard.reset();
+    }
+}
+
+/// An answer that is to come.
+pub(super) struct Debt<'a, L: Line + 'static, const N: usize> {
+    exchange: &'a Exchange<L, N>,
+    timeout: Duration,
+}
+
+impl<L: Line + 'static, const N: usize> Debt<'_, L, N> {
+    /// It came, or will not.
+    pub fn settle(self) {
+        core::mem::forget(self);
+    }
+}
+
+impl<L: Line + 'static, const N: usize> Drop for Debt<'_, L, N> {
+    fn drop(&mut self) {
+        self.exchange.owed.set(Some(Instant::now() + self.timeout));
+    }
+}

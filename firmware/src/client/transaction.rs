@@ -1,0 +1,174 @@
+//! One request, from its turn to its end.
+
+use core::future::poll_fn;
+use core::pin::pin;
+use core::task::Poll;
+
+use embassy_time::{Duration, Instant, Timer, with_deadline};
+use multidrop_protocol::client::{Request, encode, judge};
+use multidrop_protocol::exception::Exception;
+use multidrop_protocol::rtu::Flaws;
+
+use super::exchange::Turn;
+use super::{Client, ClientError};
+use crate::line::{Frame, Line};
+
+/// An answer that stands, in the buffer of the line. As long as it lives the line hears nothing and nobody
+/// else can ask: read it, drop it, and do not keep it over an await.
+pub struct Reply<L: Line + 'static, const N: usize> {
+    frame: Frame<'static, L>,
+    // Dropped behind the frame: who has the turn next finds the buffer free.
+    _turn: Turn<N>,
+}
+
+impl<L: Line + 'static, const N: usize> Reply<L, N> {
+    /// Unit id, function code and data.
+    pub fn bytes(&self) -> &[u8] {
+        heard(&self.frame)
+    }
+}
+
+impl<L: Line + 'static, const N: usize> Client<L, N> {
+    /// Sends any request to `unit` (1..=247, or 0 for a broadcast where the function allows it) and waits for its
+    /// answer. `None` if there is none to wait for: after a broadcast, and after Force Listen Only Mode.
+    ///
+    /// The methods named after functions do the same and give the data.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    ///
+    /// # Cancellation
+    /// Safe, see [`Client`].
+    pub async fn transact(
+        &self,
+        unit: u8,
+        request: &dyn Request,
+    ) -> Result<Option<Reply<L, N>>, ClientError> {
+        self.run(unit, request, &mut |_| {}).await
+    }
+
+    /// The same. `early` is called at t1.5, before it is known whether the answer stands, maybe more than
+    /// once: what takes long is done then, and the next request starts in time.
+    pub(super) async fn run(
+        &self,
+        unit: u8,
+        request: &dyn Request,
+        early: &mut dyn FnMut(&[u8]),
+    ) -> Result<Option<Reply<L, N>>, ClientError> {
+        let mut retries = self.config.retries;
+        loop {
+            let turn = self.exchange.turn().await?;
+            let error = match self.attempt(unit, request, early).await {
+                Ok(Some(frame)) => return Ok(Some(Reply { frame, _turn: turn })),
+                Ok(None) => return Ok(None),
+                Err(error) => error,
+            };
+            // Others may ask before this is tried again.
+            drop(turn);
+            if retries == 0 || !error.is_passing() {
+                return Err(error);
+            }
+            retries -= 1;
+            if matches!(error, ClientError::Exception(_)) {
+                Timer::after(self.config.timeout()).await;
+            }
+        }
+    }
+
+    async fn attempt(
+        &self,
+        unit: u8,
+        request: &dyn Request,
+        early: &mut dyn FnMut(&[u8]),
+    ) -> Result<Option<Frame<'static, L>>, ClientError> {
+        if let Some(until) = self.exchange.is_owed() {
+            let expecting = self.exchange.expect();
+            while let Ok(Err(_)) = with_deadline(until, expecting.heard()).await {}
+            self.exchange.settled();
+        }
+
+        let timeout = self.config.timeout();
+        let mut give_up = None;
+        let (function, debt) = loop {
+            let mut frame = self.lend(&mut give_up, timeout).await?;
+            let encoded = encode(request, unit, frame.adu())?;
+            let function = frame.bytes()[1];
+            frame.release(encoded.len);
+            let debt = encoded.answered.then(|| self.exchange.owe(timeout));
+            if frame.sent().await {
+                break (function, debt);
+            }
+            // Somebody has begun to talk.
+            if let Some(debt) = debt {
+                debt.settle();
+            }
+        };
+        let Some(debt) = debt else {
+            Timer::after(self.config.turnaround()).await;
+            return Ok(None);
+        };
+
+        let expecting = self.exchange.expect();
+        let mut deadline = Instant::now() + timeout;
+        let mut end = ClientError::Timeout;
+        let mut acknowledged = false;
+        let result = loop {
+            let Ok(heard) = with_deadline(deadline, expecting.heard()).await else {
+                break Err(end);
+            };
+            let error = match heard {
+                Err(flaws) => ClientError::Damaged(flaws),
+                Ok(mut frame) => {
+                    let judged = judge(request, unit, function, self::heard(&frame));
+                    if judged.is_ok() {
+                        early(self::heard(&frame));
+                    }
+                    match judged {
+                        Err(error) if !error.is_exception() => error.into(),
+                        _ if !frame.settle().await => ClientError::Damaged(Flaws::GAP),
+                        Ok(()) => break Ok(Some(frame)),
+                        Err(error) => error.into(),
+                    }
+                }
+            };
+            match error {
+                ClientError::Exception(Exception::Acknowledge) if !acknowledged => {
+                    acknowledged = true;
+                    deadline = Instant::now() + timeout;
+                    end = error;
+                }
+                ClientError::Exception(_) | ClientError::UnknownException(_) => break Err(error),
+                // Once the server has accepted the request, that is what is to be told.
+                _ if acknowledged => {}
+                _ => end = error,
+            }
+        };
+        debt.settle();
+        result
+    }
+
+    /// The buffer to send from. The time is looked at only if there is anything to wait for: a request
+    /// right after an answer has none to lose.
+    async fn lend(
+        &self,
+        give_up: &mut Option<Instant>,
+        timeout: Duration,
+    ) -> Result<Frame<'static, L>, ClientError> {
+        let line: &'static L = self.line;
+        let mut lent = pin!(line.lend());
+        if let Poll::Ready(frame) =
+            poll_fn(|context| Poll::Ready(lent.as_mut().poll(context))).await
+        {
+            return Ok(frame);
+        }
+        let deadline = *give_up.get_or_insert_with(|| Instant::now() + timeout);
+        with_deadline(deadline, lent)
+            .await
+            .map_err(|_| ClientError::NoSilence)
+    }
+}
+
+/// The bytes of a frame that was heard.
+fn heard<'a, L: Line>(frame: &'a Frame<'static, L>) -> &'a [u8] {
+    &frame.bytes()[..usize::from(frame.request_len())]
+}

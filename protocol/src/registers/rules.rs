@@ -22,13 +22,13 @@ pub trait Rules {
 
     /// Whether VALID_REG has every register from `first` to `last`.
     #[doc(hidden)]
-    fn exists(block: Block) -> bool;
+    fn exists(block: &Block<'_>) -> bool;
     /// Whether a register of the block is in a DISABLE range whose flag is set.
     #[doc(hidden)]
-    fn disabled(block: Block, flags: u32) -> bool;
+    fn disabled(block: &Block<'_>, flags: u32) -> bool;
     /// Whether VALID_DATA has nothing against these values.
     #[doc(hidden)]
-    fn allowed(block: Block, values: Registers<'_>) -> bool;
+    fn allowed(block: &Block<'_>) -> bool;
     /// The registers of one rule, from 0.
     #[doc(hidden)]
     fn registers(list: RuleList, index: u8) -> Option<Span>;
@@ -40,7 +40,10 @@ pub trait Rules {
     /// [`Exception::IllegalDataAddress`] for a register outside VALID_REG, or a block that runs past 65535.
     #[inline]
     fn check_read(first: u16, count: u16) -> Result<(), Exception> {
-        if count == 0 || Block::new(first, count).is_some_and(Self::exists) {
+        if count == 0
+            || Block::new(first, count, Registers::new(&[]))
+                .is_some_and(|block| Self::exists(&block))
+        {
             Ok(())
         } else {
             Err(Exception::IllegalDataAddress)
@@ -60,14 +63,14 @@ pub trait Rules {
             return Ok(());
         }
         let Some(block) =
-            Block::new(first, values.len() as u16).filter(|block| Self::exists(*block))
+            Block::new(first, values.len() as u16, values).filter(|block| Self::exists(block))
         else {
             return Err(Exception::IllegalDataAddress);
         };
-        if Self::disabled(block, flags) {
+        if Self::disabled(&block, flags) {
             return Err(Exception::NegativeAcknowledge);
         }
-        if !Self::allowed(block, values) {
+        if !Self::allowed(&block) {
             return Err(Exception::IllegalDataValue);
         }
         Ok(())
@@ -84,17 +87,17 @@ impl Rules for NoRules {
     const DISABLE_REG: u8 = 0;
 
     #[inline(always)]
-    fn exists(_: Block) -> bool {
+    fn exists(_: &Block<'_>) -> bool {
         true
     }
 
     #[inline(always)]
-    fn disabled(_: Block, _: u32) -> bool {
+    fn disabled(_: &Block<'_>, _: u32) -> bool {
         false
     }
 
     #[inline(always)]
-    fn allowed(_: Block, _: Registers<'_>) -> bool {
+    fn allowed(_: &Block<'_>) -> bool {
         true
     }
 
@@ -132,64 +135,111 @@ impl Span {
             last: *range.end(),
         }
     }
+
+    /// Whether it has this one.
+    #[inline(always)]
+    pub const fn has(self, one: u16) -> bool {
+        self.first <= one && one <= self.last
+    }
 }
 
-/// The registers of one request: at least one.
+/// The registers of one request, at least one; values besides, if it is a write.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug)]
-pub struct Block {
+pub struct Block<'a> {
     first: u16,
     last: u16,
+    values: Registers<'a>,
 }
 
-impl Block {
+impl<'a> Block<'a> {
     #[inline(always)]
-    fn new(first: u16, count: u16) -> Option<Block> {
+    fn new(first: u16, count: u16, values: Registers<'a>) -> Option<Block<'a>> {
         let last = first.checked_add(count.wrapping_sub(1))?;
-        Some(Block { first, last })
+        Some(Block {
+            first,
+            last,
+            values,
+        })
     }
 
     /// Whether one of them is in `span`.
     #[inline(always)]
-    pub fn meets(self, span: Span) -> bool {
+    pub fn meets(&self, span: Span) -> bool {
         self.first <= span.last && self.last >= span.first
     }
 
-    /// How many of them are in `span`, which has at least one.
-    #[inline(never)]
-    pub fn common(self, span: Span) -> u16 {
-        self.last.min(span.last) - self.first.max(span.first) + 1
+    /// How many of them are in `span`.
+    #[inline(always)]
+    pub fn common(&self, span: Span) -> u16 {
+        if !self.meets(span) {
+            0
+        } else if span.first == span.last {
+            1
+        } else {
+            self.overlap(span)
+        }
     }
 
     /// Whether `covered` is all of them.
     #[inline(always)]
-    pub fn is_covered_by(self, covered: u16) -> bool {
+    pub fn is_covered_by(&self, covered: u16) -> bool {
         covered == self.last - self.first + 1
     }
 
-    /// Whether all values for registers in `span`, which has at least one, are in `allowed`.
-    #[inline(never)]
-    pub fn all_within(self, values: Registers<'_>, span: Span, allowed: Span) -> bool {
-        self.all(values, span, |value| {
-            value >= allowed.first && value <= allowed.last
-        })
-    }
-
-    /// Whether all values for registers in `span`, which has at least one, are `allowed`.
-    #[inline(never)]
-    pub fn all_pass(self, values: Registers<'_>, span: Span, allowed: fn(u16) -> bool) -> bool {
-        self.all(values, span, allowed)
-    }
-
+    /// Whether the values for registers in `span` are all in `allowed`.
     #[inline(always)]
-    fn all(self, values: Registers<'_>, span: Span, allowed: impl FnMut(u16) -> bool) -> bool {
+    pub fn all_within(&self, span: Span, allowed: Span) -> bool {
+        if !self.meets(span) {
+            true
+        } else if span.first == span.last {
+            allowed.has(self.value(span.first))
+        } else {
+            self.are_within(span, allowed)
+        }
+    }
+
+    /// Whether the values for registers in `span` are all `allowed`.
+    #[inline(always)]
+    pub fn all_pass(&self, span: Span, allowed: fn(u16) -> bool) -> bool {
+        if !self.meets(span) {
+            true
+        } else if span.first == span.last {
+            allowed(self.value(span.first))
+        } else {
+            self.do_pass(span, allowed)
+        }
+    }
+
+    // One copy each, shared by all rules: what is inlined above is one comparison of both ends, and most rules of a set are not
+    // for the block in hand. A rule for a single register, the usual one, needs no loop.
+
+    #[inline(never)]
+    fn overlap(&self, span: Span) -> u16 {
+        self.last.min(span.last) - self.first.max(span.first) + 1
+    }
+
+    #[inline(never)]
+    fn value(&self, register: u16) -> u16 {
+        let index = register.wrapping_sub(self.first);
+        self.values.get(index.into()).unwrap_or(0)
+    }
+
+    #[inline(never)]
+    fn are_within(&self, span: Span, allowed: Span) -> bool {
+        self.of(span).iter().all(|value| allowed.has(value))
+    }
+
+    #[inline(never)]
+    fn do_pass(&self, span: Span, allowed: fn(u16) -> bool) -> bool {
+        self.of(span).iter().all(allowed)
+    }
+
+    /// The values for registers in `span`.
+    #[inline(always)]
+    fn of(&self, span: Span) -> Registers<'a> {
         let skipped = span.first.saturating_sub(self.first);
-        let count = self.common(span);
-        values
-            .iter()
-            .skip(skipped.into())
-            .take(count.into())
-            .all(allowed)
+        self.values.part(skipped.into(), self.overlap(span).into())
     }
 }
 
@@ -267,14 +317,12 @@ macro_rules! rules {
             const DISABLE_REG: u8 = 0 $($(+ $crate::rules!(@one $disable))*)?;
 
             #[inline]
-            fn exists(block: $crate::registers::Block) -> bool {
+            fn exists(block: &$crate::registers::Block<'_>) -> bool {
                 $(
                     let mut covered: u16 = 0;
                     $({
                         const SPAN: $crate::registers::Span = $crate::registers::Span::of(&($valid));
-                        if block.meets(SPAN) {
-                            covered += block.common(SPAN);
-                        }
+                        covered += block.common(SPAN);
                     })*
                     if !block.is_covered_by(covered) {
                         return false;
@@ -284,7 +332,7 @@ macro_rules! rules {
             }
 
             #[inline]
-            fn disabled(block: $crate::registers::Block, flags: u32) -> bool {
+            fn disabled(block: &$crate::registers::Block<'_>, flags: u32) -> bool {
                 let mut flags = flags;
                 $($({
                     const SPAN: $crate::registers::Span = $crate::registers::Span::of(&($disable));
@@ -297,12 +345,10 @@ macro_rules! rules {
             }
 
             #[inline]
-            fn allowed(block: $crate::registers::Block, values: $crate::data::Registers<'_>) -> bool {
+            fn allowed(block: &$crate::registers::Block<'_>) -> bool {
                 $($({
                     const SPAN: $crate::registers::Span = $crate::registers::Span::of(&($registers));
-                    if block.meets(SPAN)
-                        && !$crate::rules!(@holds $kind(block, values, SPAN, $($allowed),*))
-                    {
+                    if !$crate::rules!(@holds $kind(block, SPAN, $($allowed),*)) {
                         return false;
                     }
                 })*)?
@@ -346,13 +392,13 @@ macro_rules! rules {
         ::core::compile_error!("a rule of VALID_DATA is range(low..=high) or list(value, ...)")
     };
 
-    (@holds range($block:ident, $values:ident, $span:ident, $allowed:expr)) => {{
+    (@holds range($block:ident, $span:ident, $allowed:expr)) => {{
         const ALLOWED: $crate::registers::Span = $crate::registers::Span::of(&($allowed));
-        $block.all_within($values, $span, ALLOWED)
+        $block.all_within($span, ALLOWED)
     }};
-    (@holds list($block:ident, $values:ident, $span:ident, $($allowed:expr),*)) => {
+    (@holds list($block:ident, $span:ident, $($allowed:expr),*)) => {
         // Comparisons rather than a slice: that would be in RAM on AVR.
-        $block.all_pass($values, $span, |value| false $(|| value == $allowed)*)
+        $block.all_pass($span, |value| false $(|| value == $allowed)*)
     };
     // Said already, by `@values`.
     (@holds $kind:ident($($rest:tt)*)) => { true };

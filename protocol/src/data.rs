@@ -243,6 +243,63 @@ impl<'a> CoilsOut<'a> {
     }
 }
 
+/// Bytes of an answer, to be written one behind the other.
+#[derive(Debug)]
+pub struct BytesOut<'a> {
+    bytes: &'a mut [u8],
+    len: u8,
+    overflows: bool,
+}
+
+impl<'a> BytesOut<'a> {
+    /// Bytes to be written to the start of `bytes`, of which the first 255 are used.
+    #[inline]
+    pub const fn new(bytes: &'a mut [u8]) -> BytesOut<'a> {
+        BytesOut {
+            bytes,
+            len: 0,
+            overflows: false,
+        }
+    }
+
+    /// One more. Without room it is left out, and so is all that follows.
+    #[inline(never)]
+    pub fn push(&mut self, byte: u8) {
+        match self.bytes.get_mut(usize::from(self.len)) {
+            Some(place) if !self.overflows && self.len < u8::MAX => {
+                *place = byte;
+                self.len += 1;
+            }
+            _ => self.overflows = true,
+        }
+    }
+
+    /// These too, such as `b"text"`. What has no room is left out.
+    pub fn extend(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.push(byte);
+        }
+    }
+
+    /// How many are written.
+    #[inline]
+    pub const fn len(&self) -> u8 {
+        self.len
+    }
+
+    /// Whether none is written.
+    #[inline]
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Whether something had no room.
+    #[inline]
+    pub const fn overflows(&self) -> bool {
+        self.overflows
+    }
+}
+
 /// Bytes that hold so many coils.
 #[inline(always)]
 pub(crate) const fn bytes_for(count: u16) -> usize {

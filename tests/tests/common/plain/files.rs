@@ -1,6 +1,5 @@
-//! File records (APP 6.14, 6.15): file 4 of the conformance map, where there is one.
-
-const FILE: u16 = 4;
+//! File records (APP 6.14, 6.15): file 4 of the conformance map, where there is one, and file 5 of
+//! [`super::Plain::with_extras`], which is read only.
 
 /// One group of a request: the records it is about, and what it writes to them.
 struct Group<'a> {
@@ -43,30 +42,30 @@ fn groups(
     Ok(groups)
 }
 
-/// Where the records of each group are, if all of them exist.
-fn places(groups: &[Group<'_>], records: &[u16]) -> Result<Vec<usize>, u8> {
-    let place = |group: &Group<'_>| {
-        let first = usize::from(group.first);
-        let exists = group.reference == 6
-            && group.file == FILE
-            && group.first <= 9999
-            && first + group.count <= records.len();
-        exists.then_some(first).ok_or(2)
-    };
-    groups.iter().map(place).collect()
+fn exists(group: &Group<'_>, records: &[u16]) -> bool {
+    let end = usize::from(group.first) + group.count;
+    group.reference == 6 && group.file == 4 && end <= records.len()
 }
 
 /// FC 14, all that follows the function code.
-pub fn read(records: &[u16], data: &[u8]) -> Result<Vec<u8>, u8> {
+pub fn read(records: &[u16], extras: bool, data: &[u8]) -> Result<Vec<u8>, u8> {
     let groups = groups(data, 0x07..=0xf5, false)?;
     let answered: usize = groups.iter().map(|group| 2 + 2 * group.count).sum();
     if answered > 245 {
         return Err(3);
     }
     let mut answer = vec![answered as u8];
-    for (group, first) in groups.iter().zip(places(&groups, records)?) {
-        answer.extend([1 + 2 * group.count as u8, 6]);
-        let values = &records[first..first + group.count];
+    for group in groups {
+        let (first, count) = (usize::from(group.first), group.count);
+        let high = extras && group.reference == 6 && group.file == 5;
+        let values: Vec<u16> = if exists(&group, records) {
+            records[first..first + count].to_vec()
+        } else if high && first >= 9_990 && first + count <= 10_000 {
+            (first..first + count).map(|record| record as u16).collect()
+        } else {
+            return Err(2);
+        };
+        answer.extend([1 + 2 * count as u8, 6]);
         answer.extend(values.iter().flat_map(|value| value.to_be_bytes()));
     }
     Ok(answer)
@@ -75,8 +74,11 @@ pub fn read(records: &[u16], data: &[u8]) -> Result<Vec<u8>, u8> {
 /// FC 15, all that follows the function code: all groups or none.
 pub fn write(records: &mut [u16], data: &[u8]) -> Result<Vec<u8>, u8> {
     let groups = groups(data, 0x09..=0xfb, true)?;
-    let places = places(&groups, records)?;
-    for (group, first) in groups.iter().zip(places) {
+    if !groups.iter().all(|group| exists(group, records)) {
+        return Err(2);
+    }
+    for group in groups {
+        let first = usize::from(group.first);
         for (record, pair) in records[first..].iter_mut().zip(group.data.chunks(2)) {
             *record = u16::from_be_bytes([pair[0], pair[1]]);
         }

@@ -54,6 +54,8 @@ pub struct Plain {
     pub tables: Tables,
     /// Of file 4.
     pub records: Vec<u16>,
+    /// Whether there is what the map has not: see [`Plain::with_extras`].
+    extras: bool,
     pub counters: Counters,
     /// The counter of FC 0B.
     pub events: u16,
@@ -73,6 +75,7 @@ impl Plain {
         Plain {
             tables: Tables::new(),
             records: (0..records).collect(),
+            extras: false,
             product,
             counters: Counters::default(),
             events: 0,
@@ -81,6 +84,15 @@ impl Plain {
             delimiter: b'\n',
             version: version.to_owned(),
         }
+    }
+
+    /// With what no conformance image has, so that every limit and every exception is reached: function 44, which is
+    /// refused with the exception that its one byte names and echoes others, broadcast too; queues of n registers at
+    /// 1000 + n, file 5 with the records from 9990, and register 127, which cannot take DEAD.
+    pub fn with_extras(mut self) -> Self {
+        self.extras = true;
+        self.tables.extras = true;
+        self
     }
 
     /// Takes in what is on the bus; gives unit id and PDU of the answer, nothing where it stays silent.
@@ -146,7 +158,9 @@ impl Plain {
                         1..=3 => 0x01,
                         4 => 0x02,
                         5 | 6 => 0x04,
-                        _ => 0x08,
+                        7 => 0x08,
+                        // The log has no bit for the others.
+                        _ => 0,
                     };
                 }
                 answer = Some(vec![body[1] | 0x80, code]);
@@ -186,12 +200,13 @@ impl Plain {
         let known = match function {
             0x14 | 0x15 => !self.records.is_empty(),
             1..=8 | 0x0b | 0x0c | 0x0f | 0x10 | 0x11 | 0x16..=0x18 | 0x2b | 0x41 => true,
+            0x44 => self.extras,
             _ => false,
         };
         if !known {
             return Err(1);
         }
-        let executed = matches!(function, 5 | 6 | 0x0f | 0x10 | 0x15..=0x17)
+        let executed = matches!(function, 5 | 6 | 0x0f | 0x10 | 0x15..=0x17 | 0x44)
             || function == 8 && matches!(data, [0, 1 | 4, ..]);
         if broadcast && !executed {
             return Ok(Done::Ignored);
@@ -221,10 +236,14 @@ impl Plain {
                 nothing_more()?;
                 answer([&[11, UNIT, 0xff], &b"multidrop"[..]].concat())
             }
-            0x14 => answer(files::read(&self.records, data)?),
+            0x14 => answer(files::read(&self.records, self.extras, data)?),
             0x15 => answer(files::write(&mut self.records, data)?),
             0x2b => answer(self.identify(data)?),
             0x41 => answer(data.iter().rev().copied().collect()),
+            0x44 => match data {
+                [code @ (1..=8 | 0x0a | 0x0b)] => Err(*code),
+                _ => answer(data.to_vec()),
+            },
             _ => answer(self.tables.execute(function, data)?),
         }
     }

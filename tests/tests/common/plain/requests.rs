@@ -198,7 +198,7 @@ impl<'a> Requests<'a> {
         let function = self.pick(&[
             1, 2, 3, 3, 4, 5, 5, 6, 6, 6, 7, 8, 8, 8, 8, 8, 8, 0x0b, 0x0b, 0x0c, 0x0c, 0x0f, 0x0f,
             0x10, 0x10, 0x10, 0x11, 0x14, 0x15, 0x16, 0x16, 0x17, 0x17, 0x18, 0x2b, 0x2b, 0x41,
-            0xff,
+            0x44, 0xff,
         ]);
         let mut pdu = vec![function];
         let add = |pdu: &mut Vec<u8>, word: u16| pdu.extend(word.to_be_bytes());
@@ -268,13 +268,19 @@ impl<'a> Requests<'a> {
                 self.values(&mut pdu, write, written);
             }
             0x18 => {
-                let pointer = self.pick(&[0x04de, 0x04de, 0x04dd, 0x04df, 0, 0xffff]);
+                let pointer = self.pick(&[
+                    0x04de, 0x04de, 0x04dd, 0x04df, 0, 0xffff, 0x1000, 0x1001, 0x101e, 0x101f,
+                    0x1020,
+                ]);
                 add(&mut pdu, pointer);
             }
             0x2b => {
                 pdu.push(self.pick(&[0x0e, 0x0e, 0x0e, 0x0e, 0x0e, 0x0d, 0x0f]));
                 pdu.push(self.pick(&[1, 2, 3, 4, 4, 0, 5, 0xff]));
                 pdu.push(self.pick(&[0, 1, 2, 3, 5, 6, 7, 0x80, 0xff]));
+            }
+            0x44 => {
+                pdu.push(self.below(13) as u8);
             }
             0x41 => {
                 for _ in 0..self.pick(&[0, 1, 2, 5, 251, 252]) {
@@ -337,6 +343,7 @@ impl<'a> Requests<'a> {
             100..=109 => self.pick(&[0, 99, 201, 0xffff]),
             110 | 111 if !few => self.pick(&[1, 2, 3]),
             110 | 111 => self.pick(&[0, 4, 110]),
+            127 if few => 0xdead,
             _ => self.word(),
         }
     }
@@ -352,27 +359,32 @@ impl<'a> Requests<'a> {
 
     /// Groups of records, as many as fit a request at most.
     fn groups(&mut self, with_data: bool) -> Vec<u8> {
-        let mut groups = Vec::new();
-        // An answer of 245 bytes is one record short of what 120 of them would take.
-        let lengths: &[u16] = match with_data {
-            true => &[1, 2, 3, 8, 31, 32, 0, 33, 118],
-            false => &[1, 2, 3, 16, 31, 32, 0, 33, 121, 122],
+        // An answer of 244 bytes and one of 246, the most groups of a read, the most bytes of a write.
+        let lengths = match self.below(10) {
+            0 => vec![32, 32, 32, 22],
+            1 => vec![32, 32, 32, 23],
+            2 => vec![1; 35],
+            3 => vec![32, 32, 32, 6, 6],
+            _ => {
+                let groups = self.pick(&[1, 1, 1, 2, 2, 3, 4]);
+                let lengths = [1, 1, 2, 3, 8, 31, 32, 33, 0, 118, 121, 122];
+                (0..groups).map(|_| self.pick(&lengths)).collect()
+            }
         };
-        for _ in 0..self.pick(&[1, 1, 2, 2, 3, 4, 8, 34, 35]) {
-            let count = self.pick(lengths);
-            let last = 32u16.saturating_sub(count);
-            let first = match self.below(10) {
+        let mut groups = Vec::new();
+        for count in lengths {
+            let file = match self.one_in(20) {
+                true => self.pick(&[0, 3, 6, 0xffff]),
+                false => self.pick(&[4, 4, 4, 4, 4, 4, 5]),
+            };
+            let last = if file == 5 { 10_000 } else { 32u16 }.saturating_sub(count);
+            let first = match self.below(20) {
                 0 => last + 1,
-                1..=4 => last,
-                5 => self.pick(&[9_999, 10_000, 0xffff]),
-                _ => self.below(u32::from(last) + 1) as u16,
+                1..=9 => last,
+                10 => self.pick(&[9_999, 10_000, 0xffff]),
+                _ => last - self.below(u32::from(last.min(20)) + 1) as u16,
             };
-            let reference = if self.one_in(20) { self.byte() } else { 6 };
-            let file = if self.one_in(20) {
-                self.pick(&[0, 3, 5, 0xffff])
-            } else {
-                4
-            };
+            let reference = if self.one_in(30) { self.byte() } else { 6 };
             let mut group = vec![reference];
             for word in [file, first, count] {
                 group.extend(word.to_be_bytes());
@@ -392,9 +404,9 @@ impl<'a> Requests<'a> {
         let sub = match self.below(30) {
             0..=3 => 0,
             4..=7 => 1,
-            8 => 2,
+            8 => self.pick(&[2, 4]),
             9 => 3,
-            10 => 4,
+            10 => 1,
             11 => 0x0a,
             12 => 0x14,
             13 => self.pick(&[5, 6, 9, 0x13, 0x15, 0x16, 0xff, 0x100, 0x0400, 0xffff]),

@@ -1,8 +1,5 @@
 //! The tables of the conformance map, and the functions that read and write them.
 
-/// Where the FIFO queue's pointer register is, and what is in the queue.
-const FIFO: (u16, [u16; 2]) = (0x04de, [0x01b8, 0x1284]);
-
 /// Holding registers and coils; what is only read follows from its address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tables {
@@ -10,6 +7,8 @@ pub struct Tables {
     pub holding: Vec<u16>,
     /// From address 0; those between 128 and 999 do not exist and stay off.
     pub coils: Vec<bool>,
+    /// [`super::Plain::with_extras`].
+    pub extras: bool,
 }
 
 /// The registers that coil 120 disables while it is on.
@@ -97,6 +96,7 @@ impl Tables {
         Tables {
             holding: (0..128).collect(),
             coils,
+            extras: false,
         }
     }
 
@@ -186,11 +186,17 @@ impl Tables {
             0x18 => {
                 let pointer = fields.word()?;
                 fields.end()?;
-                if pointer != FIFO.0 {
-                    return Err(2);
+                let queue: Vec<u16> = match pointer {
+                    0x04de => vec![0x01b8, 0x1284],
+                    0x1000..=0x1030 if self.extras => (0x1000..pointer).collect(),
+                    _ => return Err(2),
+                };
+                if queue.len() > 31 {
+                    return Err(3);
                 }
-                let queue = FIFO.1.map(u16::to_be_bytes).concat();
-                Ok([&[0, 6, 0, 2], &queue[..]].concat())
+                let count = queue.len() as u16;
+                let words = [&[2 + 2 * count, count], &queue[..]].concat();
+                Ok(words.into_iter().flat_map(u16::to_be_bytes).collect())
             }
             other => unreachable!("function {other:02x} is none of the tables'"),
         }
@@ -205,6 +211,10 @@ impl Tables {
         let mut pairs = addresses.iter().zip(values);
         if !pairs.all(|(&address, &value)| allows(address, value)) {
             return Err(3);
+        }
+        let mut pairs = addresses.iter().zip(values);
+        if self.extras && pairs.any(|pair| pair == (&127, &0xdead)) {
+            return Err(4);
         }
         for (address, value) in addresses.into_iter().zip(values) {
             self.holding[usize::from(address)] = *value;

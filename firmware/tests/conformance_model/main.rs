@@ -3,8 +3,9 @@
 //!
 //! The model and the traffic are those of the tests on the simulated bus, and share nothing with the code under test.
 
-#[path = "../../tests/tests/common/plain/mod.rs"]
+#[path = "../../../tests/tests/common/plain/mod.rs"]
 mod plain;
+mod rich;
 
 use std::collections::BTreeSet;
 
@@ -18,6 +19,7 @@ use plain::requests::{Requests, Step, audit};
 use plain::shrink::minimal;
 use plain::wire::{Character, Flaw, Way, heard};
 use plain::{Plain, UNIT};
+use rich::Rich;
 
 /// All ways in which a line can find a character wrong.
 const FLAWS: [Flaw; 4] = [Flaw::Gap, Flaw::Parity, Flaw::Framing, Flaw::Overrun];
@@ -35,17 +37,17 @@ fn random(seed: u64) -> impl FnMut(u32) -> u32 {
 }
 
 /// The server with what a port puts around it.
-struct Unit<const RECORDS: usize> {
+struct Unit<M> {
     server: Server<Counted<EVENTS>>,
-    map: Conformance<RECORDS>,
+    map: M,
     adu: Adu,
 }
 
-impl<const RECORDS: usize> Unit<RECORDS> {
-    fn new(product: &'static str) -> Self {
+impl<M: DataModel> Unit<M> {
+    fn new(map: M) -> Self {
         Unit {
             server: Server::counted(UNIT),
-            map: Conformance::new(product),
+            map,
             // What a request leaves behind must not show.
             adu: [0xa5; 256],
         }
@@ -72,7 +74,7 @@ impl<const RECORDS: usize> Unit<RECORDS> {
             return None;
         }
         let plan = self.server.prepare(&mut self.map, &mut self.adu, len);
-        let early = plan.answer_at_once::<Conformance<RECORDS>>();
+        let early = plan.answer_at_once::<M>();
         let early = self.adu[..early.into()].to_vec();
         let answered = self.server.commit(&mut self.map, &mut self.adu, len, plan);
         let answer = &self.adu[..answered.into()];
@@ -134,10 +136,9 @@ impl<const RECORDS: usize> Unit<RECORDS> {
                 ));
             }
         }
-        let mut bytes = [0; 64];
-        let bytes = &mut bytes[..2 * RECORDS];
-        if RECORDS > 0 {
-            let read = self.map.file_records(4, 0, RegistersOut::new(bytes));
+        let mut bytes = vec![0; 2 * plain.records.len()];
+        if !bytes.is_empty() {
+            let read = self.map.file_records(4, 0, RegistersOut::new(&mut bytes));
             read.expect("they exist");
         }
         let is = bytes
@@ -148,11 +149,28 @@ impl<const RECORDS: usize> Unit<RECORDS> {
     }
 }
 
+/// A unit and the model of it, as they are at boot.
+type Pair<M> = fn() -> (M, Plain);
+
+fn without_files() -> (Conformance<0>, Plain) {
+    let plain = Plain::new("nano", env!("CARGO_PKG_VERSION"), 0);
+    (Conformance::new("nano"), plain)
+}
+
+fn with_files() -> (Conformance<32>, Plain) {
+    let plain = Plain::new("stm32", env!("CARGO_PKG_VERSION"), 32);
+    (Conformance::new("stm32"), plain)
+}
+
+fn with_extras() -> (Rich, Plain) {
+    let (map, plain) = with_files();
+    (Rich(map), plain.with_extras())
+}
+
 /// Goes through `steps` from boot; what differs first.
-fn run<const RECORDS: usize>(steps: &[Step]) -> Option<(usize, String)> {
-    let product = if RECORDS == 0 { "nano" } else { "stm32" };
-    let mut unit = Unit::<RECORDS>::new(product);
-    let mut plain = Plain::new(product, env!("CARGO_PKG_VERSION"), RECORDS as u16);
+fn run<M: DataModel>(at_boot: Pair<M>, steps: &[Step]) -> Option<(usize, String)> {
+    let (map, mut plain) = at_boot();
+    let mut unit = Unit::new(map);
     for (number, step) in steps.iter().enumerate() {
         let characters = step.characters(Way::Rtu, plain.delimiter);
         let must = plain.hears(&heard(Way::Rtu, plain.delimiter, &characters));
@@ -182,28 +200,30 @@ fn traffic(seed: u64, requests: usize) -> Vec<Step> {
     steps
 }
 
-fn holds<const RECORDS: usize>(seed: u64, requests: usize) {
-    let steps = traffic(seed, requests);
-    let Some((number, said)) = run::<RECORDS>(&steps) else {
-        return;
-    };
-    let fails = |steps: &[Step]| run::<RECORDS>(steps).map(|(_, said)| said);
-    let (least, still) = minimal(&steps[..=number], fails);
-    panic!("seed {seed}, step {number}: {said}\nthe least that fails: {still}\n{least:#?}");
-}
-
-#[test]
-fn random_requests_of_all_functions_without_files() {
-    for seed in 1..=10 {
-        holds::<0>(seed, 5_000);
+fn holds<M: DataModel>(at_boot: Pair<M>, seeds: std::ops::Range<u64>, requests: usize) {
+    for seed in seeds {
+        let steps = traffic(seed, requests);
+        if let Some((number, said)) = run(at_boot, &steps) {
+            let fails = |steps: &[Step]| run(at_boot, steps).map(|(_, said)| said);
+            let (least, still) = minimal(&steps[..=number], fails);
+            panic!("seed {seed}, step {number}: {said}\nthe least that fails: {still}\n{least:#?}");
+        }
     }
 }
 
 #[test]
-fn random_requests_of_all_functions_with_files() {
-    for seed in 11..=20 {
-        holds::<32>(seed, 5_000);
-    }
+fn random_requests_without_files() {
+    holds(without_files, 0..10, 5_000);
+}
+
+#[test]
+fn random_requests_with_files() {
+    holds(with_files, 10..20, 5_000);
+}
+
+#[test]
+fn random_requests_that_reach_every_limit_and_every_exception() {
+    holds(with_extras, 20..24, 5_000);
 }
 
 /// What each function comes to: its code, and 0 for an answer or the exception.
@@ -212,39 +232,34 @@ fn the_traffic_reaches_every_answer_and_every_refusal() {
     let mut seen = BTreeSet::new();
     let mut listened = 0;
     let steps = traffic(1, 5_000);
-    let mut plain = Plain::new("stm32", env!("CARGO_PKG_VERSION"), 32);
+    let (_, mut plain) = with_extras();
     for step in &steps {
         let characters = step.characters(Way::Rtu, plain.delimiter);
         listened += usize::from(plain.listening_only);
         if let Some(answer) = plain.hears(&heard(Way::Rtu, plain.delimiter, &characters)) {
             let refused = answer[1] & 0x80 != 0;
-            let outcome = if refused { answer[2] } else { 0 };
-            seen.insert((answer[1] & 0x7f, outcome));
+            seen.insert((answer[1] & 0x7f, if refused { answer[2] } else { 0 }));
         }
     }
-    let may_be = |function: u8| -> &[u8] {
+    let outcomes = |function: u8| -> &[u8] {
         match function {
-            1..=4 | 5 | 0x0f | 0x14 | 0x15 | 0x17 | 0x18 => &[0, 2, 3],
-            6 | 0x10 | 0x16 => &[0, 2, 3, 7],
+            1..=5 | 0x0f | 0x14 | 0x15 | 0x18 => &[0, 2, 3],
+            6 | 0x10 | 0x16 | 0x17 => &[0, 2, 3, 7],
             8 => &[0, 1, 3],
             0x2b => &[0, 1, 2, 3],
             7 | 0x0b | 0x0c | 0x11 => &[0, 3],
             0x41 => &[0],
+            0x44 => &[0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 11],
             _ => &[1],
         }
     };
-    let functions = (1..=8)
-        .chain([0x0b, 0x0c])
-        .chain(0x0f..=0x11)
-        .chain(0x14..=0x18);
-    for function in functions.chain([0x2b, 0x41, 0x42]) {
-        for outcome in may_be(function) {
+    let functions = (1..=8).chain([0x0b, 0x0c]).chain(0x0f..=0x11);
+    for function in functions.chain(0x14..=0x18).chain([0x2b, 0x41, 0x42, 0x44]) {
+        for outcome in outcomes(function) {
             let is_seen = seen.contains(&(function, *outcome));
             assert!(is_seen, "function {function:02X} never came to {outcome}");
         }
     }
-    assert!(
-        listened > steps.len() / 50 && listened < steps.len() / 4,
-        "{listened}"
-    );
+    let part = steps.len() / listened.max(1);
+    assert!((4..50).contains(&part), "listens only in one of {part}");
 }

@@ -12,6 +12,7 @@ use multidrop_protocol::client::{
 };
 use multidrop_protocol::data::Registers;
 
+use super::transaction::Destination;
 use super::{Client, ClientError};
 use crate::line::Line;
 
@@ -44,14 +45,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         request: ReadBits,
         into: &mut [bool],
     ) -> Result<(), ClientError> {
-        self.ask(unit, &request, &mut |frame| {
-            if let Ok(coils) = request.answer(frame) {
-                for (cell, on) in into.iter_mut().zip(coils.iter()) {
-                    *cell = on;
-                }
-            }
-        })
-        .await
+        self.ask(unit, &request, Destination::Bits(into)).await
     }
 
     /// Function 01: `count` coils from address `first` on, 1..=2000, eight to a byte, the first in the lowest
@@ -88,14 +82,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         into: &mut [u8],
     ) -> Result<(), ClientError> {
         room(into.len(), usize::from(count).div_ceil(8))?;
-        self.ask(unit, &request, &mut |frame| {
-            if let Ok(coils) = request.answer(frame) {
-                for (cell, byte) in into.iter_mut().zip(coils.bytes()) {
-                    *cell = *byte;
-                }
-            }
-        })
-        .await
+        self.ask(unit, &request, Destination::Packed(into)).await
     }
 
     /// Function 03: holding registers from address `first` on, 1..=125, as many as `into` has.
@@ -126,12 +113,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         request: ReadRegisters,
         into: &mut [u16],
     ) -> Result<(), ClientError> {
-        self.ask(unit, &request, &mut |frame| {
-            if let Ok(registers) = request.answer(frame) {
-                registers.copy_to(into);
-            }
-        })
-        .await
+        self.ask(unit, &request, Destination::Registers(into)).await
     }
 
     /// Function 05: a coil on or off.
@@ -151,23 +133,19 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
 
     /// Function 07: eight bits that the server's application defines.
     pub async fn read_exception_status(&self, unit: u8) -> Result<u8, ClientError> {
-        let mut status = 0;
-        self.ask(unit, &ReadExceptionStatus, &mut |frame| {
-            status = ReadExceptionStatus.answer(frame).unwrap_or(0);
-        })
-        .await?;
-        Ok(status)
+        let request = ReadExceptionStatus;
+        self.look(unit, &request, |frame| Ok(request.answer(frame)?))
+            .await
     }
 
     /// Function 08, all sub-functions but 0000: the counter or register asked for; of the others, the data
-    /// that was sent.
+    /// that was sent, 0 if it is not answered.
     pub async fn diagnose(&self, unit: u8, request: Diagnostic) -> Result<u16, ClientError> {
-        let mut value = 0;
-        self.ask(unit, &request, &mut |frame| {
-            value = request.answer(frame).unwrap_or(0);
-        })
-        .await?;
-        Ok(value)
+        match self.transact(unit, &request).await? {
+            Some(reply) => Ok(request.answer(reply.bytes())?),
+            // A broadcast, or Force Listen Only Mode.
+            None => Ok(0),
+        }
     }
 
     /// Function 08, sub-function 0000: sends 0..=250 bytes and takes nothing but the same back.
@@ -178,16 +156,8 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
     /// Function 0B: the event counter.
     pub async fn event_counter(&self, unit: u8) -> Result<EventCounter, ClientError> {
         let request = GetEventCounter;
-        let no_events = EventCounter {
-            busy: false,
-            events: 0,
-        };
-        let mut counter = no_events;
-        self.ask(unit, &request, &mut |frame| {
-            counter = request.answer(frame).unwrap_or(no_events);
-        })
-        .await?;
-        Ok(counter)
+        self.look(unit, &request, |frame| Ok(request.answer(frame)?))
+            .await
     }
 
     /// Function 0C: what `read` makes of the event log.
@@ -293,12 +263,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
             write_first,
             values,
         };
-        self.ask(unit, &request, &mut |frame| {
-            if let Ok(registers) = request.answer(frame) {
-                registers.copy_to(into);
-            }
-        })
-        .await
+        self.ask(unit, &request, Destination::Registers(into)).await
     }
 
     /// Function 18: what `read` makes of the queue, at most 31 registers.
@@ -340,19 +305,19 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         Ok(reply.map(|reply| read(request.answer(reply.bytes()))))
     }
 
-    /// A request whose answer is taken at t1.5.
+    /// A request that reads.
     async fn ask(
         &self,
         unit: u8,
         request: &dyn Request,
-        take: &mut dyn FnMut(&[u8]),
+        into: Destination<'_>,
     ) -> Result<(), ClientError> {
-        self.run(unit, request, take).await.map(drop)
+        self.run(unit, request, into).await.map(drop)
     }
 
     /// A request whose answer says nothing new.
     async fn tell(&self, unit: u8, request: &dyn Request) -> Result<(), ClientError> {
-        self.run(unit, request, &mut |_| {}).await.map(drop)
+        self.run(unit, request, Destination::Nothing).await.map(drop)
     }
 
     /// A request that reads, whose answer is looked at when it stands.

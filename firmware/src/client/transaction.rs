@@ -6,6 +6,7 @@ use core::task::Poll;
 
 use embassy_time::{Duration, Instant, Timer, with_deadline};
 use multidrop_protocol::client::{Request, encode, judge};
+use multidrop_protocol::data::Registers;
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::rtu::Flaws;
 
@@ -28,6 +29,44 @@ impl<L: Line + 'static, const N: usize> Reply<L, N> {
     }
 }
 
+/// Where the data of a read goes.
+pub(super) enum Destination<'a> {
+    /// Nowhere.
+    Nothing,
+    /// Registers.
+    Registers(&'a mut [u16]),
+    /// Coils or discrete inputs.
+    Bits(&'a mut [bool]),
+    /// The same, eight to a byte.
+    Packed(&'a mut [u8]),
+}
+
+impl Destination<'_> {
+    /// Takes the data behind unit id, function code and byte count of an answer that is as the request demands.
+    #[inline(never)]
+    fn take(&mut self, frame: &[u8]) {
+        let data = frame.get(3..).unwrap_or(&[]);
+        match self {
+            Self::Nothing => {}
+            Self::Registers(cells) => Registers::new(data).copy_to(cells),
+            Self::Bits(cells) => {
+                for (eight, &byte) in cells.chunks_mut(8).zip(data) {
+                    let mut byte = byte;
+                    for cell in eight {
+                        *cell = byte & 1 != 0;
+                        byte >>= 1;
+                    }
+                }
+            }
+            Self::Packed(cells) => {
+                for (cell, &byte) in cells.iter_mut().zip(data) {
+                    *cell = byte;
+                }
+            }
+        }
+    }
+}
+
 impl<L: Line + 'static, const N: usize> Client<L, N> {
     /// Sends any request to `unit` (1..=247, or 0 for a broadcast where the function allows it) and waits for its
     /// answer. `None` if there is none to wait for: after a broadcast, and after Force Listen Only Mode.
@@ -44,21 +83,21 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         unit: u8,
         request: &dyn Request,
     ) -> Result<Option<Reply<L, N>>, ClientError> {
-        self.run(unit, request, &mut |_| {}).await
+        self.run(unit, request, Destination::Nothing).await
     }
 
-    /// The same. `early` is called at t1.5, before it is known whether the answer stands, maybe more than
-    /// once: what takes long is done then, and the next request starts in time.
+    /// The same, and the data goes to `into`: at t1.5, before it is known whether the answer stands. What takes
+    /// long is done then, and the next request starts in time.
     pub(super) async fn run(
         &self,
         unit: u8,
         request: &dyn Request,
-        early: &mut dyn FnMut(&[u8]),
+        mut into: Destination<'_>,
     ) -> Result<Option<Reply<L, N>>, ClientError> {
         let mut retries = self.config.retries;
         loop {
             let turn = self.exchange.turn().await?;
-            let error = match self.attempt(unit, request, early).await {
+            let error = match self.attempt(unit, request, &mut into).await {
                 Ok(Some(frame)) => return Ok(Some(Reply { frame, _turn: turn })),
                 Ok(None) => return Ok(None),
                 Err(error) => error,
@@ -79,7 +118,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         &self,
         unit: u8,
         request: &dyn Request,
-        early: &mut dyn FnMut(&[u8]),
+        into: &mut Destination<'_>,
     ) -> Result<Option<Frame<'static, L>>, ClientError> {
         if let Some(until) = self.exchange.is_owed() {
             let expecting = self.exchange.expect();
@@ -121,7 +160,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                 Ok(mut frame) => {
                     let judged = judge(request, unit, function, self::heard(&frame));
                     if judged.is_ok() {
-                        early(self::heard(&frame));
+                        into.take(self::heard(&frame));
                     }
                     match judged {
                         Err(error) if !error.is_exception() => error.into(),

@@ -1,0 +1,340 @@
+//! A client that asks every function once: for tests of the client against servers of other people, and of ours.
+//!
+//! It asks unit 17 and expects the conformance map there. It begins when that unit answers. What became of each
+//! step is a word, as [`outcome`] makes it: 1 for the answer expected, 2 for another answer, 0x80xx for exception
+//! xx, 0x40xx for no answer (xx: 03 wrong function, 04 wrong unit, 05 damaged, 06 nothing, 07 not sent, 08 wrong length, 09 wrong
+//! content). The words are written to holding registers 40 and on by function 10 at the end, in the order of
+//! the table, and D13 goes on when that was answered.
+//!
+//! | register | function | expected |
+//! |---|---|---|
+//! | 40 | 06: register 10 | |
+//! | 41 | 03: it is there | |
+//! | 42 | 10: registers 11 to 14 | |
+//! | 43 | 03: 10 to 14 | |
+//! | 44 | 16: register 10 | |
+//! | 45 | 17: writes 12, 13, reads 10 to 13 | |
+//! | 46, 47 | 05: coil 3; 0F: coils 4 to 13 | |
+//! | 48 | 01: coils 3 to 13 | |
+//! | 49 | 02: discrete inputs 0 to 15 | on where the address is a multiple of 3 |
+//! | 50 | 04: input registers 0 to 124 | 0x1000 + address |
+//! | 51 | 07 | coils 0 to 7 |
+//! | 52 | 08/00: five bytes | |
+//! | 53 | 08/0A | |
+//! | 54 to 61 | 08/0B to 08/12 | any value |
+//! | 62, 63 | 08/14, 08/02 | any value |
+//! | 64 | 08/03: LF | |
+//! | 65, 66 | 08/04, and 08/01, which is not answered then | 0x4006 for 66 |
+//! | 67 | 08/01 again, which is | |
+//! | 68, 69 | 0B, 0C | any value |
+//! | 70 | 11 | begins with 0x11, 0xFF |
+//! | 71, 72 | 15: file 4, record 2; 14 reads it back | 0x8001 where there are no files |
+//! | 73 | 18: pointer 0x04DE | 0x01B8 0x1284 |
+//! | 74, 75 | 2B/0E: code 1 from object 0; code 4, object 1 | first object `multidrop` |
+//! | 76 | 41: three bytes | the same in reverse order |
+//! | 77, 78 | 06 to unit 0: register 20; 03: it is there | |
+//! | 79 | 03 of register 60000 | 0x8002 |
+//! | 80 | 03 to unit 0 | 0x4007 |
+#![no_std]
+#![no_main]
+#![feature(abi_avr_interrupt)]
+
+use board_nano::{CLOCK_HZ, Rs485, options, settings};
+use embassy_avr_hal::gpio::{Output, PB5, Pins};
+use embassy_avr_hal::{bind_time, bind_usart0, executor, pac};
+use embassy_time::Timer;
+use multidrop_firmware::protocol::client::{
+    Diagnostic, FileData, FileRange, GetEventCounter, GetEventLog, MaskWrite, Raw, ReadBits,
+    ReadExceptionStatus, ReadFifo, ReadFiles, ReadIdentification, ReadRegisters,
+    ReadWriteRegisters, ReportServerId, Request, ReturnQueryData, WriteCoil, WriteFiles,
+    WritePackedCoils, WriteRegister, WriteRegisters,
+};
+use multidrop_firmware::protocol::format::LineFormat;
+use multidrop_firmware::{Client, ClientConfig, ClientError, ClientPort, PortConfig};
+use static_cell::StaticCell;
+
+const PORT: PortConfig = PortConfig::new("RS4")
+    .slave_id(17)
+    .baud(options::baud(38_400))
+    .format(options::format(LineFormat::F8N1));
+
+bind_usart0!(Rs485);
+bind_time!(CLOCK_HZ);
+
+/// One task asks, nobody has to wait.
+type Port = ClientPort<Rs485, 1>;
+
+const UNIT: u8 = PORT.unit();
+const STEPS: usize = 41;
+/// The register of the first word.
+const REPORT: u16 = 40;
+
+/// The word for what became of a request; `Ok` has whether the answer was the one expected.
+fn outcome(result: Result<bool, ClientError>) -> u16 {
+    match result {
+        Ok(true) => 1,
+        Ok(false) => 2,
+        Err(ClientError::Exception(exception)) => 0x8000 | u16::from(exception.code()),
+        Err(ClientError::UnknownException(code)) => 0x8000 | u16::from(code),
+        Err(ClientError::WrongFunction(_)) => 0x4003,
+        Err(ClientError::WrongUnit(_)) => 0x4004,
+        Err(ClientError::Damaged(_)) => 0x4005,
+        Err(ClientError::Timeout) => 0x4006,
+        Err(ClientError::Request(_) | ClientError::QueueFull | ClientError::NoSilence) => 0x4007,
+        Err(ClientError::WrongLength(_)) => 0x4008,
+        Err(ClientError::WrongContent) => 0x4009,
+    }
+}
+
+/// Asks, and keeps what became of it.
+struct Steps {
+    client: Client<Rs485, 1>,
+    words: [u16; STEPS],
+    len: usize,
+}
+
+impl Steps {
+    fn keep(&mut self, word: u16) {
+        if let Some(place) = self.words.get_mut(self.len) {
+            *place = word;
+            self.len += 1;
+        }
+    }
+
+    /// Asks, and has an answer judged by `expected`. The methods of the client would do the same, each with code of
+    /// its own: forty of them are too much for one image.
+    async fn ask(&mut self, unit: u8, request: &dyn Request, expected: fn(&[u8]) -> bool) {
+        let word = match self.client.transact(unit, request).await {
+            Ok(Some(reply)) => outcome(Ok(expected(reply.bytes()))),
+            Ok(None) => outcome(Ok(true)),
+            Err(error) => outcome(Err(error)),
+        };
+        self.keep(word);
+    }
+
+    async fn all(&mut self) {
+        self.registers().await;
+        self.bits().await;
+        self.diagnostics().await;
+        self.others().await;
+
+        let write = WriteRegister {
+            address: 20,
+            value: 0x5AA5,
+        };
+        self.ask(0, &write, |_| false).await;
+        self.holding(20, &[0x5AA5]).await;
+        let nowhere = ReadRegisters::holding(60_000, 1);
+        self.ask(UNIT, &nowhere, |_| false).await;
+        self.ask(0, &ReadRegisters::holding(20, 1), |_| false).await;
+    }
+
+    async fn holding(&mut self, first: u16, expected: &[u16]) {
+        let mut cells = [0; 5];
+        let cells = &mut cells[..expected.len()];
+        let read = self.client.read_holding_registers(UNIT, first, cells).await;
+        self.keep(outcome(read.map(|()| cells == expected)));
+    }
+
+    async fn registers(&mut self) {
+        let write = WriteRegister {
+            address: 10,
+            value: 0x1234,
+        };
+        self.ask(UNIT, &write, |_| true).await;
+        self.holding(10, &[0x1234]).await;
+        let write = WriteRegisters {
+            first: 11,
+            values: &[0xA1B2, 0, 0xFFFF, 42],
+        };
+        self.ask(UNIT, &write, |_| true).await;
+        self.holding(10, &[0x1234, 0xA1B2, 0, 0xFFFF, 42]).await;
+        let mask = MaskWrite {
+            address: 10,
+            and: 0x00F2,
+            or: 0x0025,
+        };
+        self.ask(UNIT, &mask, |_| true).await;
+        const BOTH: ReadWriteRegisters = ReadWriteRegisters {
+            first: 10,
+            count: 4,
+            write_first: 12,
+            values: &[7, 8],
+        };
+        self.ask(UNIT, &BOTH, |frame| {
+            let registers = BOTH.answer(frame);
+            // (0x1234 & 0x00F2) | (0x0025 & !0x00F2)
+            registers.is_ok_and(|registers| registers.iter().eq([0x0035, 0xA1B2, 7, 8]))
+        })
+        .await;
+    }
+
+    async fn bits(&mut self) {
+        let write = WriteCoil {
+            address: 3,
+            on: true,
+        };
+        self.ask(UNIT, &write, |_| true).await;
+        let write = WritePackedCoils {
+            first: 4,
+            count: 10,
+            bytes: &[0b1100_1101, 0b01],
+        };
+        self.ask(UNIT, &write, |_| true).await;
+        const COILS: ReadBits = ReadBits::coils(3, 11);
+        self.ask(UNIT, &COILS, |frame| {
+            let coils = COILS.answer(frame);
+            coils.is_ok_and(|coils| coils.bytes() == [0b1001_1011, 0b011])
+        })
+        .await;
+        const INPUTS: ReadBits = ReadBits::discrete_inputs(0, 16);
+        self.ask(UNIT, &INPUTS, |frame| {
+            let inputs = INPUTS.answer(frame);
+            inputs.is_ok_and(|inputs| inputs.bytes() == [0b0100_1001, 0b1001_0010])
+        })
+        .await;
+        const READ: ReadRegisters = ReadRegisters::input(0, 125);
+        self.ask(UNIT, &READ, |frame| {
+            let inputs = READ.answer(frame);
+            inputs.is_ok_and(|inputs| inputs.iter().eq(0x1000..0x107D))
+        })
+        .await;
+        // Coil 3, and those of coils 4 to 7 that are on.
+        self.ask(UNIT, &ReadExceptionStatus, |frame| {
+            ReadExceptionStatus.answer(frame) == Ok(0b1101_1000)
+        })
+        .await;
+    }
+
+    async fn diagnostics(&mut self) {
+        let query = ReturnQueryData {
+            data: &[1, 2, 3, 4, 5],
+        };
+        self.ask(UNIT, &query, |_| true).await;
+        for sub in 0..15 {
+            let request = match sub {
+                0 => Diagnostic::Clear,
+                1 => Diagnostic::BusMessages,
+                2 => Diagnostic::BusErrors,
+                3 => Diagnostic::Exceptions,
+                4 => Diagnostic::ServerMessages,
+                5 => Diagnostic::NoResponses,
+                6 => Diagnostic::Naks,
+                7 => Diagnostic::Busy,
+                8 => Diagnostic::Overruns,
+                9 => Diagnostic::ClearOverruns,
+                10 => Diagnostic::Register,
+                11 => Diagnostic::Delimiter(b'\n'),
+                12 => Diagnostic::ListenOnly,
+                13 => Diagnostic::Restart { clear_log: false },
+                _ => Diagnostic::Restart { clear_log: true },
+            };
+            self.ask(UNIT, &request, |_| true).await;
+        }
+        self.ask(UNIT, &GetEventCounter, |_| true).await;
+        self.ask(UNIT, &GetEventLog, |_| true).await;
+    }
+
+    async fn others(&mut self) {
+        self.ask(UNIT, &ReportServerId, |frame| {
+            let id = ReportServerId.answer(frame);
+            id.is_ok_and(|id| matches!(id.with_id_len(1), Some(([UNIT], true, _))))
+        })
+        .await;
+        let write = WriteFiles {
+            groups: &[FileData {
+                file: 4,
+                record: 2,
+                values: &[0x0BAD, 0xCAFE],
+            }],
+        };
+        self.ask(UNIT, &write, |_| true).await;
+        const FILES: ReadFiles = ReadFiles {
+            groups: &[FileRange {
+                file: 4,
+                record: 2,
+                count: 2,
+            }],
+        };
+        self.ask(UNIT, &FILES, |frame| {
+            let records = FILES
+                .answer(frame)
+                .ok()
+                .and_then(|mut groups| groups.next());
+            records.is_some_and(|records| records.iter().eq([0x0BAD, 0xCAFE]))
+        })
+        .await;
+        const FIFO: ReadFifo = ReadFifo { pointer: 0x04DE };
+        self.ask(UNIT, &FIFO, |frame| {
+            let queue = FIFO.answer(frame);
+            queue.is_ok_and(|queue| queue.iter().eq([0x01B8, 0x1284]))
+        })
+        .await;
+        const BASIC: ReadIdentification = ReadIdentification { code: 1, object: 0 };
+        self.ask(UNIT, &BASIC, |frame| first_object(&BASIC, frame, b'm'))
+            .await;
+        const ONE: ReadIdentification = ReadIdentification { code: 4, object: 1 };
+        self.ask(UNIT, &ONE, |frame| first_object(&ONE, frame, b'n'))
+            .await;
+        const REVERSE: Raw = Raw {
+            function: 0x41,
+            data: &[1, 2, 3],
+        };
+        self.ask(UNIT, &REVERSE, |frame| REVERSE.answer(frame) == [3, 2, 1])
+            .await;
+    }
+}
+
+/// Whether the first object is the one asked for and begins with this letter.
+fn first_object(request: &ReadIdentification, frame: &[u8], letter: u8) -> bool {
+    let objects = request.answer(frame).map(|device| device.objects);
+    let first = objects.ok().and_then(|mut objects| objects.next());
+    matches!(first, Some((id, [begin, ..])) if id == request.object && *begin == letter)
+}
+
+#[embassy_executor::task]
+async fn receive(port: &'static Port) -> ! {
+    multidrop_firmware::client_receive(port).await
+}
+
+#[embassy_executor::task]
+async fn ask(port: &'static Port, mut led: Output<PB5>) {
+    let client = port.client(ClientConfig::new().timeout_ms(500));
+    while client.write_register(UNIT, 10, 0).await.is_err() {
+        Timer::after_millis(200).await;
+    }
+    let mut steps = Steps {
+        client,
+        words: [0; STEPS],
+        len: 0,
+    };
+    steps.all().await;
+    let client = client.with(ClientConfig::new().retries(3));
+    let written = client.write_registers(UNIT, REPORT, &steps.words).await;
+    if written.is_ok() {
+        led.high();
+    }
+}
+
+#[avr_device::entry]
+fn main() -> ! {
+    let chip = pac::Peripherals::take().unwrap();
+    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
+    let line = Rs485::new(
+        chip.USART0,
+        &chip.TC1,
+        pins.PD0,
+        pins.PD1,
+        pins.PD2,
+        const { settings(&PORT) },
+    );
+    start_time();
+
+    static PORT_CELL: StaticCell<Port> = StaticCell::new();
+    let port = PORT_CELL.init(Port::new(line));
+    let led = Output::new(pins.PB5, false);
+    executor::run(|spawner| {
+        spawner.spawn(receive(port).unwrap());
+        spawner.spawn(ask(port, led).unwrap());
+    })
+}

@@ -10,7 +10,7 @@
 pub mod demo_unit;
 pub mod options;
 
-use embassy_avr_hal::usart::{Settings, Usart0};
+use embassy_avr_hal::usart::{Framings, RtuAndAscii, Settings, Usart0};
 use multidrop_firmware::PortConfig;
 use multidrop_firmware::line::LineError;
 use multidrop_firmware::protocol::message::Message;
@@ -25,12 +25,15 @@ pub type De = embassy_avr_hal::gpio::PD2;
 /// The mask of [`De`] in its port.
 pub const DE_MASK: u8 = 1 << 2;
 
-/// The Nano's one serial port, as RS-485.
+/// The Nano's one serial port, as RS-485, for RTU.
 pub type Rs485 = Usart0<De, CLOCK_HZ>;
+
+/// The same, for a port that speaks ASCII, at times or always.
+pub type Rs485Ascii = Usart0<De, CLOCK_HZ, RtuAndAscii>;
 
 /// Line settings of a port at the Nano's clock, for a `const`: what the chip cannot do stops the
 /// build.
-pub const fn settings(port: &PortConfig) -> Settings {
+pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
     match Settings::new(&port.line(), CLOCK_HZ) {
         Ok(settings) => settings,
         Err(LineError::Baud { nearest }) => port.wrong(
@@ -48,7 +51,7 @@ pub const fn settings(port: &PortConfig) -> Settings {
         Err(LineError::Framing(_)) => Message::new()
             .text("port ")
             .text(port.name())
-            .text(": framing is ASCII, must be RTU on a line without ASCII")
+            .text(": framing is ASCII, must be RTU on a line of type Rs485; Rs485Ascii has both")
             .fail(),
     }
 }

@@ -8,7 +8,7 @@
 //! | [`crc`] | the check of an RTU frame, byte by byte |
 //! | [`format`](mod@format) | data bits, parity and stop bits of a character |
 //! | [`timing`] | character time, t1.5 and t3.5 in the caller's ticks |
-//! | [`rtu`] | a frame put together and taken apart byte by byte, or whole |
+//! | [`rtu`], [`ascii`] | a frame put together and taken apart byte by byte, or whole |
 //! | [`function`], [`exception`] | codes and limits of the standard |
 //! | [`data`] | blocks of coils and registers as they stand in a frame |
 //! | [`server`] | a request in, an answer out, in one buffer |
@@ -24,6 +24,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod ascii;
 pub mod client;
 pub mod crc;
 pub mod data;

@@ -20,14 +20,14 @@ const CRC_LEN: u8 = 2;
 
 /// What is wrong with a frame; empty if nothing is.
 ///
-/// A frame with any flaw is dropped and never answered (SER 2.5.1.1, 2.5.1.3).
+/// A frame with any flaw is dropped and never answered (SER 2.5.1.1, 2.5.1.3, 2.5.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Flaws(u8);
 
 impl Flaws {
     /// Nothing is wrong.
     pub const NONE: Flaws = Flaws(0);
-    /// A silence over t1.5 inside the frame.
+    /// A silence over t1.5 inside an RTU frame, over a second inside an ASCII frame (SER 2.5.1.1, 2.5.2).
     pub const GAP: Flaws = Flaws(1 << 0);
     /// A character with wrong parity.
     pub const PARITY: Flaws = Flaws(1 << 1);
@@ -35,10 +35,12 @@ impl Flaws {
     pub const FRAMING: Flaws = Flaws(1 << 2);
     /// A character lost because the one before was not fetched in time.
     pub const OVERRUN: Flaws = Flaws(1 << 3);
-    /// Under 4 or over 256 bytes.
+    /// Under 4 or over 256 bytes; in ASCII under 9 or over 513 characters, or an odd number of digits.
     pub const LENGTH: Flaws = Flaws(1 << 4);
-    /// The CRC does not match.
+    /// The CRC or LRC does not match.
     pub const CHECK: Flaws = Flaws(1 << 5);
+    /// A character that ASCII does not allow where it stands.
+    pub const CHARACTER: Flaws = Flaws(1 << 6);
 
     /// Whether the frame is good.
     #[inline(always)]
@@ -67,7 +69,7 @@ impl Flaws {
     /// The flaws of [`bits`](Flaws::bits); bits without a meaning are dropped.
     #[inline(always)]
     pub const fn from_bits(bits: u8) -> Flaws {
-        Flaws(bits & 0x3F)
+        Flaws(bits & 0x7F)
     }
 }
 
@@ -86,10 +88,10 @@ impl BitOrAssign for Flaws {
     }
 }
 
-/// A frame that a silence ended.
+/// A frame that is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heard {
-    /// Bytes of unit id and PDU at the start of the buffer, without the CRC: 2..=254 in a frame without flaws, 0..=254 in
+    /// Bytes of unit id and PDU at the start of the buffer, without CRC or LRC: 2..=254 in a frame without flaws, 0..=254 in
     /// one with.
     pub len: u8,
     /// What was wrong with it.

@@ -5,11 +5,16 @@
 //! on the wire, if at all.
 
 use multidrop_protocol::Adu;
-use multidrop_protocol::line::{Interval, LineMachine, Wire};
+use multidrop_protocol::line::{Ascii, Interval, LineMachine, Wire};
 use multidrop_protocol::rtu::{Flaws, Heard, Reception};
 
 /// The timer has 16 bits.
 const TIMER_ROUND: u64 = 1 << 16;
+
+/// 25 ms in ticks, where a character of 100 ticks is one of ten bits at 9600 baud.
+const FORTIETH: u64 = 2400;
+/// The second that may pass between characters of an ASCII frame.
+pub const SECOND: u64 = 40 * FORTIETH;
 
 /// How a line is set up. All times are in ticks.
 #[derive(Clone, Debug)]
@@ -122,6 +127,7 @@ pub struct Chip {
     pub lent: Option<usize>,
     /// What was complete, to see that nobody has touched it when it is fetched.
     kept: Option<(u8, Adu)>,
+    pub ascii: Option<Ascii>,
     adu: Adu,
     reception: Reception,
     stored: usize,
@@ -143,8 +149,17 @@ pub struct Bus {
 }
 
 impl Bus {
-    /// Listens from tick 1 on.
+    /// Listens from tick 1 on, to RTU.
     pub fn new(settings: Settings) -> Bus {
+        Bus::with(settings, None)
+    }
+
+    /// Listens from tick 1 on, to ASCII.
+    pub fn ascii(settings: Settings) -> Bus {
+        Bus::with(settings, Some(Ascii::new()))
+    }
+
+    fn with(settings: Settings, ascii: Option<Ascii>) -> Bus {
         assert!(settings.character.is_multiple_of(20));
         assert!(settings.t3_5 + 2 * settings.character < TIMER_ROUND);
         let mut bus = Bus {
@@ -160,6 +175,7 @@ impl Bus {
                 complete: 0,
                 lent: None,
                 kept: None,
+                ascii,
                 adu: [0; 256],
                 reception: Reception::new(),
                 stored: 0,
@@ -202,9 +218,11 @@ impl Bus {
         let fetched = self.machine.fetch();
         if let Some(Ok(len)) = fetched {
             assert_eq!(self.chip.lent, None, "lent twice");
-            let (kept_len, kept) = self.chip.kept.take().expect("no frame was complete");
-            assert_eq!(len, kept_len);
-            assert!(kept == self.chip.adu, "changed before it was fetched");
+            if self.chip.ascii.is_none() {
+                let (kept_len, kept) = self.chip.kept.take().expect("no frame was complete");
+                assert_eq!(len, kept_len);
+                assert!(kept == self.chip.adu, "changed before it was fetched");
+            }
             self.chip.lent = Some(self.chip.complete);
         }
         fetched
@@ -252,7 +270,7 @@ impl Bus {
             let held = usize::from(sending.holding.is_some());
             talk.cut = Some(talk.bytes.len() + held);
         }
-        self.machine.give_back();
+        self.machine.give_back(&mut self.chip);
     }
 
     /// When something happens next; `None` if nothing will of itself.
@@ -300,6 +318,11 @@ impl Bus {
         if chip.sending.is_some() || talk.is_some_and(|talk| start < talk.end) {
             // The receiver was off for all or a part of it.
             return;
+        }
+        if chip.ascii.is_some() {
+            chip.set_compare(chip.now + chip.settings.half_stop() + FORTIETH);
+            chip.clear_start_bit();
+            return self.machine.on_ascii_character(chip, byte, flaws);
         }
         let silence = chip.settings.complete() + chip.settings.blind();
         chip.set_compare(chip.now + chip.settings.half_stop() + silence);
@@ -402,6 +425,20 @@ impl Chip {
 }
 
 impl Wire for Chip {
+    fn ascii(&mut self) -> Option<&mut Ascii> {
+        self.ascii.as_mut()
+    }
+
+    fn store(&mut self, at: u8, byte: u8) {
+        assert_eq!(self.lent, None, "stored while the buffer is lent");
+        assert!(self.sending.is_none(), "stored over an answer");
+        if at == 0 {
+            // The two digits of this byte, and the `:` before them.
+            self.complete = self.next - 3;
+        }
+        self.adu[usize::from(at)] = byte;
+    }
+
     fn start_bit_seen(&mut self) -> bool {
         self.note_edges();
         self.settings.sees_start_bits && self.last_edge > self.cleared
@@ -421,6 +458,7 @@ impl Wire for Chip {
             Interval::ToStand => (self.compare, to_stand),
             Interval::ToStandLessCharacter => (self.compare, less_character),
             Interval::Character => (self.compare, settings.character),
+            Interval::Fortieth => (self.compare, FORTIETH),
             Interval::T3_5 => (
                 self.now,
                 settings.half_stop() + settings.t3_5 + settings.blind(),

@@ -6,6 +6,7 @@
 //! targets.
 #![allow(dead_code)]
 
+pub mod ascii;
 pub mod book;
 pub mod bus;
 pub mod judge;

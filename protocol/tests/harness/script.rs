@@ -53,9 +53,10 @@ enum Command {
     Reset,
 }
 
-struct Lab<const MAY_FAIL: bool> {
-    bus: Bus,
-    unit: Unit<MAY_FAIL>,
+/// A line, its unit, and what is still to befall them.
+pub struct Lab<const MAY_FAIL: bool> {
+    pub bus: Bus,
+    pub unit: Unit<MAY_FAIL>,
     commands: Vec<(u64, Command)>,
     /// When the line began to listen.
     listens: u64,
@@ -116,8 +117,24 @@ impl<const MAY_FAIL: bool> Lab<MAY_FAIL> {
 /// Runs a script and a last good request, and judges everything. Panics where the unit does not do what it must. Leaves `book`
 /// as the model is at the end.
 pub fn run<const MAY_FAIL: bool>(config: &Config, ops: &[Op], book: &mut Book) -> Verdict {
+    let bus = Bus::new(config.settings.clone());
+    let request = book::framed(&[book::UNIT, 3, 0, 3, 0, 2]);
+    let (lab, circumstances) = play::<MAY_FAIL>(config, bus, ops, book, &request);
+    let last = lab.bus.chip.talks.last();
+    assert_eq!(last.map(|talk| talk.bytes.len()), Some(9));
+    judge::judge(&lab.bus, &lab.unit, book, &circumstances)
+}
+
+/// Runs a script and a last good request, which must be answered whatever has been. Nothing else is judged yet.
+pub fn play<const MAY_FAIL: bool>(
+    config: &Config,
+    bus: Bus,
+    ops: &[Op],
+    book: &Book,
+    request: &[u8],
+) -> (Lab<MAY_FAIL>, Circumstances) {
     let mut lab = Lab {
-        bus: Bus::new(config.settings.clone()),
+        bus,
         unit: Unit::<MAY_FAIL>::new(book, config.latencies.clone()),
         commands: Vec::new(),
         listens: 0,
@@ -154,13 +171,10 @@ pub fn run<const MAY_FAIL: bool>(config: &Config, ops: &[Op], book: &mut Book) -
 
     // Whatever it was: after a silence the next good request is answered.
     let talks = lab.bus.chip.talks.len();
-    let request = book::framed(&[book::UNIT, 3, 0, 3, 0, 2]);
     let gap = config.settings.t3_5 + config.settings.character + circumstances.latency;
     let gap = gap + (lab.bus.chip.now - lab.last_end());
-    lab.talk(true, &frame(gap, &request));
+    lab.talk(true, &frame(gap, request));
     lab.rest();
     assert_eq!(lab.bus.chip.talks.len(), talks + 1, "has not recovered");
-    assert_eq!(lab.bus.chip.talks[talks].bytes.len(), 9);
-
-    judge::judge(&lab.bus, &lab.unit, book, &circumstances)
+    (lab, circumstances)
 }

@@ -11,6 +11,7 @@ use core::cell::UnsafeCell;
 use multidrop_firmware::protocol::crc;
 use multidrop_firmware::protocol::rtu::{Heard, Reception};
 
+use super::settings::Framings;
 use super::state::{ADU, SHARED};
 use crate::gpio::DriverEnable;
 
@@ -72,7 +73,8 @@ impl Hot {
 }
 
 /// GPIOR1 (DS 8.6.5), within reach of `in` and `out`: not 0 if the next character needs more than to be
-/// stored, because it begins a frame, comes out of turn, belongs to a damaged frame or does not fit.
+/// stored, because it begins a frame, comes out of turn, belongs to a damaged frame, does not fit, or is of
+/// an ASCII frame.
 const ATTENTION: *mut u8 = 0x4A as *mut u8;
 
 /// Sets or clears it.
@@ -87,7 +89,7 @@ pub(super) fn set_attention(needed: bool) {
 /// # Safety
 /// From that interrupt only.
 #[inline(always)]
-pub(super) unsafe fn on_character<DE: DriverEnable>() {
+pub(super) unsafe fn on_character<DE: DriverEnable, F: Framings>() {
     // SAFETY: touches the registers of the line and what `Hot` and `ADU` hold; only a frame without
     // flaws is stored, and one that begins while the buffer is not free has a flaw. Around the call it
     // saves what the calling convention lets a function change; r0 and SREG are saved by the interrupt.
@@ -157,7 +159,7 @@ pub(super) unsafe fn on_character<DE: DriverEnable>() {
             "sts {hot}+3, r25",
             "out 0x2A, r25",
             "rjmp 5b",
-            // Not simply the next character. The answer says whether to store it.
+            // Not simply the next character. The answer says whether to store it; else it is taken already.
             "3: push r18",
             "push r19",
             "push r20",
@@ -176,14 +178,12 @@ pub(super) unsafe fn on_character<DE: DriverEnable>() {
             "pop r19",
             "pop r18",
             "tst r24",
-            "breq 6f",
+            "breq 9f",
             "rjmp 2b",
-            "6:",
-            "lds r24, 0xC6",
             "9:",
             hot = sym HOT,
             adu = sym ADU,
-            unusual = sym on_unusual_character::<DE>,
+            unusual = sym on_unusual_character::<DE, F>,
             out("r18") _,
             out("r19") _,
             out("r24") _,
@@ -194,7 +194,7 @@ pub(super) unsafe fn on_character<DE: DriverEnable>() {
 }
 
 /// Called by [`on_character`] with the error bits of UCSR0A: whether the character is to be stored.
-extern "C" fn on_unusual_character<DE: DriverEnable>(errors: u8) -> bool {
+extern "C" fn on_unusual_character<DE: DriverEnable, F: Framings>(errors: u8) -> bool {
     // SAFETY: in the interrupt.
-    unsafe { &mut *SHARED.get() }.on_unusual_character::<DE>(errors)
+    unsafe { &mut *SHARED.get() }.on_unusual_character::<DE, F>(errors)
 }

@@ -29,7 +29,7 @@ use crate::executor;
 use crate::gpio::{DriverEnable, PD0, PD1};
 use crate::pac::{TC1, USART0};
 use crate::timer1;
-pub use settings::Settings;
+pub use settings::{Framings, RtuAndAscii, RtuOnly, Settings};
 use state::{SHARED, State};
 
 /// With interrupts off.
@@ -41,21 +41,24 @@ fn with<R>(f: impl FnOnce(&mut State) -> R) -> R {
     })
 }
 
-/// USART0 on RXD and TXD, with a DE pin (or [`NoDe`](crate::gpio::NoDe)), at a CPU clock of `CLOCK_HZ`.
-pub struct Usart0<DE, const CLOCK_HZ: u32> {
-    _pins: PhantomData<*const DE>,
+/// USART0 on RXD and TXD, with a DE pin (or [`NoDe`](crate::gpio::NoDe)), at a CPU clock of `CLOCK_HZ`, for
+/// the framings `F`: [`RtuOnly`] if not said otherwise, or [`RtuAndAscii`].
+pub struct Usart0<DE, const CLOCK_HZ: u32, F = RtuOnly> {
+    _types: PhantomData<*const (DE, F)>,
 }
 
-impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
+impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F> {
     /// Sets the line up: DE low, then receiver and transmitter on. The bus is not driven. It listens
     /// once interrupts are enabled and the bus was silent for t3.5.
     ///
     /// The peripherals are taken so that nobody else has them.
-    pub fn new(_: USART0, _: &TC1, _: PD0, _: PD1, _: DE, settings: Settings) -> Self {
+    pub fn new(_: USART0, _: &TC1, _: PD0, _: PD1, _: DE, settings: Settings<F>) -> Self {
         timer1::start();
         DE::init();
-        with(|state| state.apply::<DE>(settings));
-        Self { _pins: PhantomData }
+        with(|state| state.apply::<DE, F>(&settings));
+        Self {
+            _types: PhantomData,
+        }
     }
 
     /// For [`bind_usart0!`](crate::bind_usart0).
@@ -66,7 +69,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_character() {
         // SAFETY: demanded of the caller.
-        unsafe { character::on_character::<DE>() }
+        unsafe { character::on_character::<DE, F>() }
     }
 
     /// For [`bind_usart0!`](crate::bind_usart0).
@@ -77,7 +80,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_silence() {
         // SAFETY: in an interrupt, see `Shared`.
-        unsafe { &mut *SHARED.get() }.on_alarm::<DE>();
+        unsafe { &mut *SHARED.get() }.on_alarm::<DE, F>();
     }
 
     /// For [`bind_usart0!`](crate::bind_usart0).
@@ -88,7 +91,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_ready() {
         // SAFETY: in an interrupt, see `Shared`.
-        let (machine, mut wire) = unsafe { &mut *SHARED.get() }.parts::<DE>();
+        let (machine, mut wire) = unsafe { &mut *SHARED.get() }.parts::<DE, F>();
         machine.on_ready(&mut wire);
     }
 
@@ -100,7 +103,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Usart0<DE, CLOCK_HZ> {
     #[inline(always)]
     pub unsafe fn on_sent() {
         // SAFETY: in an interrupt, see `Shared`.
-        let (machine, mut wire) = unsafe { &mut *SHARED.get() }.parts::<DE>();
+        let (machine, mut wire) = unsafe { &mut *SHARED.get() }.parts::<DE, F>();
         machine.on_sent(&mut wire);
     }
 
@@ -153,19 +156,22 @@ fn poll_heard(context: &Context) -> Poll<Result<u8, Flaws>> {
 }
 
 #[inline(never)]
-fn give_back() {
-    with(|state| state.machine.give_back());
+fn give_back<DE: DriverEnable, F: Framings>() {
+    with(|state| {
+        let (machine, mut wire) = state.parts::<DE, F>();
+        machine.give_back(&mut wire);
+    });
 }
 
 #[inline(never)]
-fn release<DE: DriverEnable>(len: u8) {
+fn release<DE: DriverEnable, F: Framings>(len: u8) {
     with(|state| {
-        let (machine, mut wire) = state.parts::<DE>();
+        let (machine, mut wire) = state.parts::<DE, F>();
         machine.release(&mut wire, len);
     });
 }
 
-impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
+impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLOCK_HZ, F> {
     async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
         poll_fn(|context| poll_heard(context))
             .await
@@ -177,28 +183,32 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
     }
 
     fn check(&self, config: &LineConfig) -> Result<(), LineError> {
-        Settings::new(config, CLOCK_HZ).map(drop)
+        Settings::<F>::new(config, CLOCK_HZ).map(drop)
     }
 
     async fn configure(&self, config: LineConfig) -> Result<(), LineError> {
-        let settings = Settings::new(&config, CLOCK_HZ)?;
+        let settings = Settings::<F>::new(&config, CLOCK_HZ)?;
         poll_fn(|context| {
             executor::USER.register(context.waker());
             with(|state| {
                 if state.machine.is_sending() {
                     return Poll::Pending;
                 }
-                state.apply::<DE>(settings);
+                state.apply::<DE, F>(&settings);
                 Poll::Ready(Ok(()))
             })
         })
         .await
     }
 
-    fn set_delimiter(&self, _delimiter: u8) {}
+    fn set_delimiter(&self, delimiter: u8) {
+        if F::ASCII {
+            critical_section::with(|_| state::set_delimiter(delimiter));
+        }
+    }
 
     fn release(&self, len: u8) {
-        release::<DE>(len);
+        release::<DE, F>(len);
     }
 
     fn settle(&self) -> impl Future<Output = bool> {
@@ -210,7 +220,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32> Line for Usart0<DE, CLOCK_HZ> {
     }
 
     fn give_back(&self) {
-        give_back();
+        give_back::<DE, F>();
     }
 }
 

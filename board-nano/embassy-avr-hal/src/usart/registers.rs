@@ -2,7 +2,7 @@
 
 use multidrop_firmware::protocol::rtu::Flaws;
 
-use super::settings::Settings;
+use super::settings::{Kept, Settings};
 use crate::pac::{EXINT, USART0};
 
 /// Bits of UCSR0A.
@@ -37,6 +37,12 @@ impl Usart {
     #[inline(always)]
     pub fn status() -> u8 {
         Self::block().ucsr0a().read().bits()
+    }
+
+    /// The character that has come in; to be read once.
+    #[inline(always)]
+    pub fn take() -> u8 {
+        Self::block().udr0().read().bits()
     }
 
     #[inline(always)]
@@ -74,11 +80,13 @@ pub(super) fn flaws(status: u8) -> Flaws {
 }
 
 /// Baud rate, format, receiver and transmitter on.
-pub(super) fn set_up(settings: &Settings) {
+pub(super) fn set_up<F>(settings: &Settings<F>) {
     // SAFETY: the values come from `Settings`, which makes valid ones only.
     unsafe {
         Usart::block().ubrr0().write(|w| w.bits(settings.ubrr));
-        Usart::block().ucsr0a().write(|w| w.bits(settings.ucsra));
+        Usart::block()
+            .ucsr0a()
+            .write(|w| w.bits(settings.kept.ucsra));
         Usart::block().ucsr0c().write(|w| w.bits(settings.ucsrc));
         exint().pcmsk2().modify(|r, w| w.bits(r.bits() | PCINT16));
     }
@@ -93,18 +101,18 @@ pub(super) fn listen() {
 
 /// Receiver off, transmitter with its interrupts on, TXC of an earlier character cleared.
 #[inline(always)]
-pub(super) fn send(settings: &Settings) {
-    clear_sent(settings);
+pub(super) fn send(kept: &Kept) {
+    clear_sent(kept);
     Usart::control(TXCIE | UDRIE | TXEN);
 }
 
 /// Clears TXC.
 #[inline(always)]
-pub(super) fn clear_sent(settings: &Settings) {
+pub(super) fn clear_sent(kept: &Kept) {
     // SAFETY: TXC is cleared by writing a one; U2X keeps its value.
     Usart::block()
         .ucsr0a()
-        .write(|w| unsafe { w.bits(TXC | settings.ucsra) });
+        .write(|w| unsafe { w.bits(TXC | kept.ucsra) });
 }
 
 /// The last byte is in the USART: UDRE would interrupt for ever.

@@ -1,5 +1,7 @@
 //! From a [`LineConfig`] to register contents and timer ticks, at compile time or at run time.
 
+use core::marker::PhantomData;
+
 use multidrop_firmware::line::{InterCharacter, LineConfig, LineError};
 use multidrop_firmware::protocol::format::{Framing, LineFormat, Parity};
 use multidrop_firmware::protocol::timing;
@@ -22,15 +24,47 @@ const JUDGED_EARLY: u32 = 128;
 /// the next, which starts the answer, must not have to wait for it.
 const JUDGED_EARLY_MIN: u32 = 32;
 
+/// The framings that a line can be set up for, as a type: what is for ASCII is not in an image whose line
+/// has no use for it.
+pub trait Framings: 'static {
+    /// Whether ASCII is among them; RTU always is.
+    const ASCII: bool;
+}
+
+/// RTU, for good.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RtuOnly {}
+
+/// RTU or ASCII, at any time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RtuAndAscii {}
+
+impl Framings for RtuOnly {
+    const ASCII: bool = false;
+}
+
+impl Framings for RtuAndAscii {
+    const ASCII: bool = true;
+}
+
 /// Everything about a line that depends on its configuration and the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct Settings<F> {
     pub(crate) ubrr: u16,
-    pub(crate) ucsra: u8,
     pub(crate) ucsrc: u8,
+    pub(crate) is_ascii: bool,
+    pub(crate) data_bits: u8,
     /// Ticks from the moment in which a character is taken from the USART to the end of the silence
-    /// that completes a frame.
+    /// that completes a frame; in ASCII a fortieth of a second.
     pub(crate) to_complete: u16,
+    pub(crate) kept: Kept,
+    framings: PhantomData<F>,
+}
+
+/// What of it is looked up later.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Kept {
+    pub(crate) ucsra: u8,
     /// Ticks from there to the judgement; 0 where that is what completes a frame.
     pub(crate) to_stand: u16,
     /// Ticks from there to t3.5.
@@ -41,7 +75,7 @@ pub struct Settings {
     pub(crate) t3_5: u16,
 }
 
-impl Settings {
+impl<F: Framings> Settings<F> {
     /// Settings for `config` at a CPU clock of `clock_hz` (8 to 20 MHz).
     ///
     /// RXC is set with sample 10 of the first stop bit, at double speed with sample 6 of 8 (DS 20.8.2), and
@@ -49,16 +83,18 @@ impl Settings {
     /// up, and the least that the interrupts need is taken off: no interval is ever cut short.
     ///
     /// # Errors
-    /// [`LineError::Format`] for RTU with seven data bits; [`LineError::Baud`] for a rate that is off by
+    /// [`LineError::Framing`] for ASCII on a line that has none; [`LineError::Format`] for RTU with seven
+    /// data bits; [`LineError::Baud`] for a rate that is off by
     /// more than 2.5 % or so slow that t3.5 exceeds the 16 bits of the timer (below 1400 baud at 16 MHz).
     pub const fn new(config: &LineConfig, clock_hz: u32) -> Result<Self, LineError> {
         let tick_hz = clock_hz / PRESCALER;
         let (baud, format) = (config.baud, config.format);
-        if matches!(config.framing, Framing::Rtu) && format.data_bits() != 8 {
-            return Err(LineError::Format(format));
-        }
-        if matches!(config.framing, Framing::Ascii) {
+        let is_ascii = matches!(config.framing, Framing::Ascii);
+        if is_ascii && !F::ASCII {
             return Err(LineError::Framing(config.framing));
+        }
+        if !is_ascii && format.data_bits() != 8 {
+            return Err(LineError::Format(format));
         }
         let divisor = match divisor(clock_hz, baud) {
             Ok(divisor) => divisor,
@@ -89,13 +125,22 @@ impl Settings {
         };
         Ok(Self {
             ubrr: divisor.ubrr,
-            ucsra: if divisor.u2x { U2X } else { 0 },
             ucsrc: ucsrc(format),
-            to_complete: to_complete as u16,
-            to_stand: (t3_5 - to_start - to_complete) as u16,
-            to_start: to_start as u16,
-            character: character as u16,
-            t3_5: t3_5 as u16,
+            is_ascii,
+            data_bits: format.data_bits(),
+            to_complete: if is_ascii {
+                tick_hz.div_ceil(40) as u16
+            } else {
+                to_complete as u16
+            },
+            kept: Kept {
+                ucsra: if divisor.u2x { U2X } else { 0 },
+                to_stand: (t3_5 - to_start - to_complete) as u16,
+                to_start: to_start as u16,
+                character: character as u16,
+                t3_5: t3_5 as u16,
+            },
+            framings: PhantomData,
         })
     }
 }

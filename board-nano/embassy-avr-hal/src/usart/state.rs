@@ -7,12 +7,12 @@ use core::cell::UnsafeCell;
 use core::marker::PhantomData;
 
 use multidrop_firmware::line::Adu;
-use multidrop_firmware::protocol::line::{Interval, LineMachine, Wire};
+use multidrop_firmware::protocol::line::{Ascii, Interval, LineMachine, Wire};
 use multidrop_firmware::protocol::rtu::Heard;
 
 use super::character::{Hot, set_attention};
 use super::registers::{self, Usart};
-use super::settings::Settings;
+use super::settings::{Framings, Kept, Settings};
 use crate::executor;
 use crate::gpio::DriverEnable;
 use crate::timer1;
@@ -47,7 +47,41 @@ impl Shared {
 
 pub(super) struct State {
     pub machine: LineMachine,
-    settings: Settings,
+    kept: Kept,
+}
+
+/// What is for ASCII, apart from [`State`] so that it takes no RAM where nobody refers to it.
+struct AsciiState {
+    is_on: bool,
+    ascii: Ascii,
+}
+
+struct AsciiCell(UnsafeCell<AsciiState>);
+
+// SAFETY: as for `SHARED`.
+unsafe impl Sync for AsciiCell {}
+
+static ASCII: AsciiCell = AsciiCell(UnsafeCell::new(AsciiState {
+    is_on: false,
+    ascii: Ascii::new(),
+}));
+
+impl AsciiState {
+    /// The one there is.
+    ///
+    /// # Safety
+    /// In an interrupt of the line, or with interrupts off; one reference at a time.
+    #[inline(always)]
+    unsafe fn get() -> &'static mut AsciiState {
+        // SAFETY: as demanded above.
+        unsafe { &mut *ASCII.0.get() }
+    }
+}
+
+/// [`Line::set_delimiter`](multidrop_firmware::Line::set_delimiter); with interrupts off.
+pub(super) fn set_delimiter(delimiter: u8) {
+    // SAFETY: interrupts are off.
+    unsafe { AsciiState::get() }.ascii.set_delimiter(delimiter);
 }
 
 /// Sets OCR1B. The TEMP register of 16-bit accesses (DS 16.3) is safe since interrupts are off.
@@ -75,17 +109,14 @@ fn advance_compare(ticks: u16) {
 const SOON: u16 = 4;
 
 /// The chip, as it is set up, with its DE pin.
-pub(super) struct Driven<'s, DE>(&'s Settings, PhantomData<DE>);
+pub(super) struct Driven<'s, DE, F>(&'s Kept, PhantomData<(DE, F)>);
 
 impl State {
     pub const fn new() -> Self {
         Self {
             machine: LineMachine::new(),
-            settings: Settings {
-                ubrr: 0,
+            kept: Kept {
                 ucsra: 0,
-                ucsrc: 0,
-                to_complete: 0,
                 to_stand: 0,
                 to_start: 0,
                 character: 0,
@@ -96,42 +127,74 @@ impl State {
 
     /// The machine, and the chip for it.
     #[inline(always)]
-    pub fn parts<DE>(&mut self) -> (&mut LineMachine, Driven<'_, DE>) {
-        (&mut self.machine, Driven(&self.settings, PhantomData))
+    pub fn parts<DE, F>(&mut self) -> (&mut LineMachine, Driven<'_, DE, F>) {
+        (&mut self.machine, Driven(&self.kept, PhantomData))
     }
 
     /// Puts settings into the USART and starts the machine anew.
-    pub fn apply<DE: DriverEnable>(&mut self, settings: Settings) {
-        self.settings = settings;
-        registers::set_up(&settings);
+    pub fn apply<DE: DriverEnable, F: Framings>(&mut self, settings: &Settings<F>) {
+        self.kept = settings.kept;
+        registers::set_up(settings);
         // SAFETY: interrupts are off.
         unsafe { Hot::get() }.to_complete = settings.to_complete;
-        let (machine, mut wire) = self.parts::<DE>();
+        if F::ASCII {
+            // SAFETY: interrupts are off.
+            let state = unsafe { AsciiState::get() };
+            state.is_on = settings.is_ascii;
+            state.ascii.set_data_bits(settings.data_bits);
+        }
+        let (machine, mut wire) = self.parts::<DE, F>();
         machine.reset(&mut wire);
         set_attention(true);
     }
 
-    /// A character that is not simply the next good one of its frame: whether it is to be stored.
+    /// A character that is not simply the next good one of an RTU frame: whether it is still in the USART, to
+    /// be stored.
     #[inline(always)]
-    pub fn on_unusual_character<DE: DriverEnable>(&mut self, errors: u8) -> bool {
+    pub fn on_unusual_character<DE: DriverEnable, F: Framings>(&mut self, errors: u8) -> bool {
+        let flaws = registers::flaws(errors);
+        let (machine, mut wire) = self.parts::<DE, F>();
+        if wire.ascii().is_some() {
+            machine.on_ascii_character(&mut wire, Usart::take(), flaws);
+            return false;
+        }
         // SAFETY: in the interrupt.
         let full = unsafe { Hot::get() }.is_full();
-        let (machine, mut wire) = self.parts::<DE>();
-        let store = machine.on_character(&mut wire, registers::flaws(errors), full);
+        let store = machine.on_character(&mut wire, flaws, full);
         set_attention(!store);
+        if !store {
+            Usart::take();
+        }
         store
     }
 
     /// Timer1 Compare Match B.
     #[inline(always)]
-    pub fn on_alarm<DE: DriverEnable>(&mut self) {
-        let (machine, mut wire) = self.parts::<DE>();
+    pub fn on_alarm<DE: DriverEnable, F: Framings>(&mut self) {
+        let (machine, mut wire) = self.parts::<DE, F>();
         machine.on_alarm(&mut wire);
         set_attention(true);
     }
 }
 
-impl<DE: DriverEnable> Wire for Driven<'_, DE> {
+impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
+    #[inline(always)]
+    fn ascii(&mut self) -> Option<&mut Ascii> {
+        if !F::ASCII {
+            return None;
+        }
+        // SAFETY: in an interrupt of the line, or with interrupts off; the machine keeps none of these.
+        let state = unsafe { AsciiState::get() };
+        state.is_on.then_some(&mut state.ascii)
+    }
+
+    #[inline(always)]
+    fn store(&mut self, at: u8, byte: u8) {
+        // SAFETY: the machine says that the buffer is not lent.
+        let adu = unsafe { &mut *ADU.get() };
+        adu[usize::from(at)] = byte;
+    }
+
     #[inline(always)]
     fn start_bit_seen(&mut self) -> bool {
         registers::start_bit_seen()
@@ -144,16 +207,18 @@ impl<DE: DriverEnable> Wire for Driven<'_, DE> {
 
     #[inline(always)]
     fn alarm(&mut self, interval: Interval) -> bool {
-        let settings = self.0;
+        let kept = self.0;
         let ticks = match interval {
-            Interval::ToStand => settings.to_stand,
-            Interval::ToStandLessCharacter => settings.to_stand.saturating_sub(settings.character),
-            Interval::ToStart => settings.to_start,
-            Interval::Character => settings.character,
+            Interval::ToStand => kept.to_stand,
+            Interval::ToStandLessCharacter => kept.to_stand.saturating_sub(kept.character),
+            Interval::ToStart => kept.to_start,
+            Interval::Character => kept.character,
             Interval::T3_5 => {
-                set_compare(timer1::now().wrapping_add(settings.t3_5));
+                set_compare(timer1::now().wrapping_add(kept.t3_5));
                 return true;
             }
+            // SAFETY: in the interrupt.
+            Interval::Fortieth => unsafe { Hot::get() }.to_complete,
         };
         advance_compare(ticks);
         ticks > 0

@@ -1,4 +1,6 @@
-//! The rules by which an RTU line turns silence into frames and sends answers (SER 2.5.1.1): a state machine without a clock.
+//! The rules by which a line turns silence into frames and sends answers (SER 2.5.1.1): a state machine without a clock.
+//!
+//! What is said here is true of RTU; [`ascii`] says what is different there.
 //!
 //! The driver of a USART tells it what happened: a character came, the alarm went off, the transmitter is ready or done. It
 //! tells the driver what to do through [`Wire`]. Interrupts call the `on_...` methods, futures the others with interrupts
@@ -16,63 +18,18 @@
 //! |---|---|---|
 //! | a frame comes in | is stored | t1.5: the frame is complete, lent as provisional |
 //! | complete | voids the frame | t3.5, or a little before: the frame stands |
-//! | settled | begins a frame | t3.5: a released answer starts |
+//! | settled, or held back | begins a frame | t3.5: a released answer starts |
 //! | silent | begins a frame | - |
 //! | sending | - (the receiver is off) | - |
-//! | sent, or held back | begins a frame | t3.5: silent |
+//! | sent | begins a frame | t3.5: silent |
 
-use crate::Adu;
-use crate::rtu::{Flaws, Heard, Transmission};
+mod ascii;
+mod wire;
 
-/// An interval that the machine asks an alarm for. How many ticks it has depends on the line's settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Interval {
-    /// From t1.5 to the moment, at t3.5 of the same silence or a little before, in which the frame is judged; nothing where a gap over t1.5 is allowed, since t3.5 completes a frame there.
-    ToStand,
-    /// The same, less one character that has been waited for already; at least nothing.
-    ToStandLessCharacter,
-    /// From the moment in which the frame is judged, which may lie a little before t3.5, to t3.5; nothing if it does not.
-    ToStart,
-    /// One character.
-    Character,
-    /// t3.5, from now.
-    T3_5,
-}
+pub use ascii::Ascii;
+pub use wire::{Interval, Wire};
 
-/// What the machine needs of a USART, a timer, and two tasks.
-pub trait Wire {
-    /// Whether a start bit was seen since [`clear_start_bit`](Wire::clear_start_bit); `false` if the driver cannot tell.
-    fn start_bit_seen(&mut self) -> bool;
-    /// Forgets start bits.
-    fn clear_start_bit(&mut self);
-    /// Sets the alarm to `interval` after the moment it last went off for, or from now for [`Interval::T3_5`]. Returns
-    /// whether there is anything to wait for.
-    fn alarm(&mut self, interval: Interval) -> bool;
-    /// Lets the alarm that [`on_character`](LineMachine::on_character)'s driver sets go off.
-    fn alarm_on(&mut self);
-    /// No alarm until the next is set.
-    fn alarm_off(&mut self);
-    /// The frame coming in starts anew.
-    fn restart(&mut self);
-    /// The frame that has come in.
-    fn finish(&mut self) -> Heard;
-    /// The buffer.
-    fn adu(&self) -> &Adu;
-    /// Receiver off, DE up, first character out.
-    fn talk(&mut self, first: u8);
-    /// Whether the transmitter takes another byte.
-    fn is_ready(&mut self) -> bool;
-    /// One more byte; the last one if `last`.
-    fn put(&mut self, byte: u8, last: bool);
-    /// Nothing more to put.
-    fn end(&mut self);
-    /// DE down, receiver on.
-    fn listen(&mut self);
-    /// Wakes the task that waits for a frame.
-    fn wake_receiver(&mut self);
-    /// Wakes the task that has the frame, or waits to transmit.
-    fn wake_user(&mut self);
-}
+use crate::rtu::{Flaws, Transmission};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -83,7 +40,7 @@ enum Phase {
     Complete,
     /// As above, and a start bit was seen when the alarm went off.
     CompleteBegun,
-    /// The frame stands; t3.5 is near.
+    /// The frame stands, or whatever is released is held back; t3.5 is near.
     Settled,
     Silent,
     Sending,
@@ -166,13 +123,18 @@ impl LineMachine {
             Verdict::Stands => self.verdict = Verdict::Late,
             _ => {}
         }
-        self.phase = Phase::Complete;
+        // An ASCII frame says itself where it begins.
+        self.phase = if wire.ascii().is_some() {
+            Phase::Settled
+        } else {
+            Phase::Complete
+        };
         wire.clear_start_bit();
         wire.alarm(Interval::T3_5);
         wire.alarm_on();
     }
 
-    /// Whether the next good character just goes to the buffer, if that has room. A driver may take it without asking
+    /// Whether the next good character of RTU just goes to the buffer, if that has room. A driver may take it without asking
     /// [`on_character`](LineMachine::on_character).
     #[inline(always)]
     pub fn is_collecting(&self) -> bool {
@@ -222,6 +184,7 @@ impl LineMachine {
     #[inline(always)]
     pub fn on_alarm<W: Wire>(&mut self, wire: &mut W) {
         match self.phase {
+            Phase::Collecting | Phase::Begun if wire.ascii().is_some() => self.on_ascii_alarm(wire),
             Phase::Collecting | Phase::Begun => self.on_complete(wire),
             Phase::Complete | Phase::CompleteBegun => self.on_stand(wire),
             Phase::Settled => self.on_start(wire),
@@ -275,10 +238,8 @@ impl LineMachine {
             self.verdict = Verdict::Stands;
         }
         if !self.flaws.is_empty() {
-            self.damaged |= self.flaws;
-            self.damaged_count = self.damaged_count.saturating_add(1);
-            self.flaws = Flaws::NONE;
-            wire.wake_receiver();
+            let flaws = core::mem::take(&mut self.flaws);
+            self.tell(wire, flaws);
         }
         if !wire.alarm(Interval::ToStart) {
             self.on_start(wire);
@@ -289,11 +250,25 @@ impl LineMachine {
         }
     }
 
+    /// A damaged frame is over.
+    #[inline(always)]
+    fn tell<W: Wire>(&mut self, wire: &mut W, flaws: Flaws) {
+        self.damaged |= flaws;
+        self.damaged_count = self.damaged_count.saturating_add(1);
+        wire.wake_receiver();
+    }
+
     #[inline(always)]
     fn on_start<W: Wire>(&mut self, wire: &mut W) {
         if self.is_released() {
             if !wire.start_bit_seen() {
                 return self.start(wire);
+            }
+            if wire.ascii().is_some() {
+                // An edge, or a character that has begun: which of them shows within one.
+                wire.clear_start_bit();
+                wire.alarm(Interval::Character);
+                return;
             }
             self.withhold();
         }
@@ -326,8 +301,12 @@ impl LineMachine {
     }
 
     /// Gets an answer of `len` bytes ready to be started.
-    fn prepare<W: Wire>(&mut self, wire: &W, len: u8) {
+    fn prepare<W: Wire>(&mut self, wire: &mut W, len: u8) {
         self.len = len;
+        if let Some(ascii) = wire.ascii() {
+            self.first = ascii.prepare(len);
+            return;
+        }
         self.transmission.start(len);
         self.first = self.transmission.next(wire.adu()).unwrap_or(0);
     }
@@ -345,9 +324,28 @@ impl LineMachine {
     /// The transmitter takes another byte.
     #[inline(always)]
     pub fn on_ready<W: Wire>(&mut self, wire: &mut W) {
-        match self.transmission.next(wire.adu()) {
-            Some(byte) => wire.put(byte, self.transmission.is_over()),
+        let next = if let Some(ascii) = wire.ascii() {
+            let position = ascii.transmission.position();
+            let byte = wire.adu()[usize::from(position)];
+            wire.ascii().and_then(|ascii| ascii.transmission.next(byte))
+        } else {
+            self.transmission.next(wire.adu())
+        };
+        match next {
+            Some(byte) => {
+                let last = self.is_over(wire);
+                wire.put(byte, last);
+            }
             None => wire.end(),
+        }
+    }
+
+    /// Whether the transmitter has been given all there is.
+    #[inline(always)]
+    fn is_over<W: Wire>(&self, wire: &mut W) -> bool {
+        match wire.ascii() {
+            Some(ascii) => ascii.transmission.is_over(),
+            None => self.transmission.is_over(),
         }
     }
 
@@ -355,7 +353,7 @@ impl LineMachine {
     /// so a driver that has both to tell calls [`on_ready`](LineMachine::on_ready) first.
     #[inline(always)]
     pub fn on_sent<W: Wire>(&mut self, wire: &mut W) {
-        if !self.transmission.is_over() {
+        if !self.is_over(wire) {
             return;
         }
         wire.listen();
@@ -434,16 +432,15 @@ impl LineMachine {
             Verdict::Pending => self.prepare(wire, len),
             Verdict::Stands if self.phase == Phase::Settled => self.prepare(wire, len),
             Verdict::Stands if self.phase == Phase::Silent => {
-                if wire.start_bit_seen() {
-                    // Somebody may have begun to talk: the next try waits until t3.5 has passed without.
-                    wire.clear_start_bit();
-                    self.phase = Phase::Sent;
-                    wire.alarm(Interval::T3_5);
-                    wire.alarm_on();
-                    return;
-                }
                 self.prepare(wire, len);
-                self.start(wire);
+                if !wire.start_bit_seen() {
+                    return self.start(wire);
+                }
+                // Somebody may have begun to talk: it is held back until t3.5 has passed without.
+                wire.clear_start_bit();
+                self.phase = Phase::Settled;
+                wire.alarm(Interval::T3_5);
+                wire.alarm_on();
             }
             _ => {}
         }
@@ -452,11 +449,18 @@ impl LineMachine {
     /// The buffer is the line's again. An answer that has not started is withdrawn, one that has ends with the bytes that the
     /// transmitter holds.
     #[inline]
-    pub fn give_back(&mut self) {
+    pub fn give_back<W: Wire>(&mut self, wire: &mut W) {
         self.verdict = Verdict::None;
         self.buffer = Buffer::Free;
         if self.phase == Phase::Sending {
-            self.transmission = Transmission::new();
+            match wire.ascii() {
+                Some(ascii) => ascii.transmission = crate::ascii::Transmission::new(),
+                None => self.transmission = Transmission::new(),
+            }
+        }
+        if self.silence_awaited {
+            self.silence_awaited = false;
+            wire.wake_user();
         }
     }
 }

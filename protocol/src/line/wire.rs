@@ -1,0 +1,68 @@
+//! What the line's state machine needs of a board.
+
+use super::Ascii;
+use crate::Adu;
+use crate::rtu::Heard;
+
+/// An interval that the machine asks an alarm for. How many ticks it has depends on the line's settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interval {
+    /// From t1.5 to the moment, at t3.5 of the same silence or a little before, in which the frame is judged; nothing where a gap over t1.5 is allowed, since t3.5 completes a frame there.
+    ToStand,
+    /// The same, less one character that has been waited for already; at least nothing.
+    ToStandLessCharacter,
+    /// From the moment in which the frame is judged, which may lie a little before t3.5, to t3.5; nothing if it does not.
+    ToStart,
+    /// One character.
+    Character,
+    /// t3.5, from now.
+    T3_5,
+    /// A fortieth of a second, 25 ms: a small timer cannot count the second that ASCII allows between characters.
+    Fortieth,
+}
+
+/// What the machine needs of a USART, a timer, and two tasks.
+pub trait Wire {
+    /// What the line keeps for ASCII, if it is set up for that now. A driver that never is has nothing to do, and what is for
+    /// ASCII costs it nothing.
+    #[inline(always)]
+    fn ascii(&mut self) -> Option<&mut Ascii> {
+        None
+    }
+    /// Stores a byte of an ASCII frame in the buffer, which is not lent.
+    #[inline(always)]
+    fn store(&mut self, at: u8, byte: u8) {
+        let _ = (at, byte);
+    }
+    /// Whether a start bit was seen since [`clear_start_bit`](Wire::clear_start_bit); `false` if the driver cannot tell.
+    fn start_bit_seen(&mut self) -> bool;
+    /// Forgets start bits.
+    fn clear_start_bit(&mut self);
+    /// Sets the alarm to `interval` after the moment it last went off for, or from now for [`Interval::T3_5`]. Returns
+    /// whether there is anything to wait for.
+    fn alarm(&mut self, interval: Interval) -> bool;
+    /// Lets the alarm that the driver sets with each character go off.
+    fn alarm_on(&mut self);
+    /// No alarm until the next is set.
+    fn alarm_off(&mut self);
+    /// The RTU frame coming in starts anew.
+    fn restart(&mut self);
+    /// The RTU frame that has come in.
+    fn finish(&mut self) -> Heard;
+    /// The buffer.
+    fn adu(&self) -> &Adu;
+    /// Receiver off, DE up, first character out.
+    fn talk(&mut self, first: u8);
+    /// Whether the transmitter takes another byte.
+    fn is_ready(&mut self) -> bool;
+    /// One more byte; the last one if `last`.
+    fn put(&mut self, byte: u8, last: bool);
+    /// Nothing more to put.
+    fn end(&mut self);
+    /// DE down, receiver on.
+    fn listen(&mut self);
+    /// Wakes the task that waits for a frame.
+    fn wake_receiver(&mut self);
+    /// Wakes the task that has the frame, or waits to transmit.
+    fn wake_user(&mut self);
+}

@@ -1,5 +1,6 @@
 //! A dense bank of registers.
 
+use super::Items;
 use crate::data::{Registers, RegistersOut};
 use crate::exception::Exception;
 
@@ -128,5 +129,50 @@ impl<const N: usize> Bank<N> {
     #[inline]
     fn block(&self, first: u16, count: usize) -> Option<&[u16]> {
         self.cells.get(self.offset(first)?..)?.get(..count)
+    }
+}
+
+impl<const N: usize> Items for Bank<N> {
+    type Item = u16;
+    const SPARSE: bool = false;
+
+    fn len(&self) -> usize {
+        N
+    }
+
+    fn item(&self, index: u16) -> Option<u16> {
+        self.cells.get(usize::from(index)).copied()
+    }
+
+    fn set_item(&mut self, index: u16, value: u16) -> bool {
+        match self.cells.get_mut(usize::from(index)) {
+            Some(cell) => {
+                *cell = value;
+                true
+            }
+            None => false,
+        }
+    }
+
+    fn address_of(&self, index: u16) -> Option<u16> {
+        if usize::from(index) < N {
+            self.base.checked_add(index)
+        } else {
+            None
+        }
+    }
+
+    fn index_of(&self, address: u16) -> Option<u16> {
+        address
+            .checked_sub(self.base)
+            .filter(|index| usize::from(*index) < N)
+    }
+
+    fn rebase(&mut self, base: u16) -> bool {
+        let fits = N == 0 || N - 1 <= usize::from(u16::MAX - base);
+        if fits {
+            self.base = base;
+        }
+        fits
     }
 }

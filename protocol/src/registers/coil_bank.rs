@@ -1,5 +1,6 @@
 //! A dense bank of coils.
 
+use super::Items;
 use crate::data::{Coils, CoilsOut, bytes_for};
 use crate::exception::Exception;
 
@@ -179,6 +180,46 @@ impl<const BYTES: usize> CoilBank<BYTES> {
     fn block(&self, first: u16, count: u16) -> Option<u16> {
         let offset = first.checked_sub(self.base)?;
         (offset < self.count && count <= self.count - offset).then_some(offset)
+    }
+}
+
+impl<const BYTES: usize> Items for CoilBank<BYTES> {
+    type Item = bool;
+    const SPARSE: bool = false;
+
+    fn len(&self) -> usize {
+        self.count.into()
+    }
+
+    fn item(&self, index: u16) -> Option<bool> {
+        CoilBank::get(self, self.address_of(index)?)
+    }
+
+    fn set_item(&mut self, index: u16, value: bool) -> bool {
+        match self.address_of(index) {
+            Some(address) => CoilBank::set(self, address, value),
+            None => false,
+        }
+    }
+
+    fn address_of(&self, index: u16) -> Option<u16> {
+        if index < self.count {
+            self.base.checked_add(index)
+        } else {
+            None
+        }
+    }
+
+    fn index_of(&self, address: u16) -> Option<u16> {
+        self.block(address, 1)
+    }
+
+    fn rebase(&mut self, base: u16) -> bool {
+        let fits = self.count - 1 <= u16::MAX - base;
+        if fits {
+            self.base = base;
+        }
+        fits
     }
 }
 

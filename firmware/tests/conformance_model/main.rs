@@ -176,8 +176,7 @@ fn run<M: DataModel>(at_boot: Pair<M>, steps: &[Step]) -> Option<(usize, String)
         let must = plain.hears(&heard(Way::Rtu, plain.delimiter, &characters));
         let is = unit.hears(&characters);
         if is != must {
-            let said = format!("{step:?}: answered {is:02X?}, must be {must:02X?}");
-            return Some((number, said));
+            return Some((number, step.answered(is, must)));
         }
         if let Some(differs) = unit.differs(&plain) {
             return Some((number, format!("{step:?}: {differs}")));

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use multidrop_bus::Line;
+use multidrop_bus::{Format, Line};
 
 use super::LINE;
+use super::plain::wire::Way;
 
 /// Results of builds, made once in each process.
 type Built = Mutex<HashMap<String, PathBuf>>;
@@ -65,19 +66,39 @@ pub fn image(app: &str, options: &[&str]) -> PathBuf {
 
 /// The `registers` image with `count` items in each table, for `line`.
 pub fn registers(count: u8, line: Line) -> PathBuf {
-    let (count, baud) = (count.to_string(), line.baud.to_string());
-    let format = line.format.to_string();
+    let count = count.to_string();
     let mut options = Vec::new();
     if count != "16" {
         options.extend(["--count", &count]);
     }
-    if line.baud != LINE.baud {
+    for_line("registers", options, line, LINE)
+}
+
+/// The `conformance` image for `line`.
+pub fn conformance(way: Way, line: Line) -> PathBuf {
+    match way {
+        Way::Rtu => for_line("conformance", Vec::new(), line, LINE),
+        Way::Ascii => {
+            let default = Line {
+                format: Format::E71,
+                ..LINE
+            };
+            for_line("conformance", vec!["--ascii"], line, default)
+        }
+    }
+}
+
+/// With what differs from the line that the application has by itself.
+fn for_line(app: &str, options: Vec<&str>, line: Line, default: Line) -> PathBuf {
+    let mut options = options;
+    let (baud, format) = (line.baud.to_string(), line.format.to_string());
+    if line.baud != default.baud {
         options.extend(["--baud", &baud]);
     }
-    if line.format != LINE.format {
+    if line.format != default.format {
         options.extend(["--format", &format]);
     }
-    image("registers", &options)
+    image(app, &options)
 }
 
 /// The image of an example of the HAL.

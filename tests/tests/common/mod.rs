@@ -7,11 +7,12 @@
 pub mod frames;
 mod images;
 pub mod model;
+pub mod plain;
 pub mod random;
 pub mod rig;
 mod rules;
 
-pub use images::{example, image, registers};
+pub use images::{conformance, example, image, registers};
 pub use rig::Rig;
 pub use rules::{DE_LAG, assert_bus_rules};
 

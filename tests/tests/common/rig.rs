@@ -19,6 +19,8 @@ pub struct Rig {
     pub line: Line,
     /// Characters that nodes sent in what was checked last.
     pub answered: usize,
+    /// How long after t3.5 an answer may begin.
+    pub slack: Time,
 }
 
 impl Rig {
@@ -39,6 +41,7 @@ impl Rig {
             host,
             line,
             answered: 0,
+            slack: Time::from_ms(3),
         };
         rig.pause(Time::from_ms(20));
         rig
@@ -71,7 +74,7 @@ impl Rig {
 
     /// Within this time of a request's end an answer has begun, or none comes.
     pub fn patience(&self) -> Time {
-        self.line.t35() + Time::from_ms(3)
+        self.line.t35() + self.slack
     }
 
     /// Lets time pass and holds it against the rules.

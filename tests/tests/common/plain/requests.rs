@@ -1,7 +1,7 @@
 //! Random traffic: requests of all functions, right, at the edge and wrong, and frames that are damaged on the way.
 
 use super::UNIT;
-use super::wire::{Character, Flaw, Way, ascii, plain, rtu};
+use super::wire::{Character, Flaw, Way, ascii, hex, plain, rtu};
 
 /// A source of numbers below a limit.
 pub type Below<'a> = &'a mut dyn FnMut(u32) -> u32;
@@ -34,7 +34,7 @@ pub enum Damage {
 
 impl std::fmt::Debug for Step {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{:02X?}", self.body)?;
+        write!(f, "{}", hex(&self.body))?;
         match self.damage {
             Some(damage) => write!(f, ", {damage:?}"),
             None => Ok(()),
@@ -49,6 +49,13 @@ impl Step {
             body: body.to_vec(),
             damage: None,
         }
+    }
+
+    /// Tells of an answer that is not what it must be.
+    pub fn answered(&self, is: Option<Vec<u8>>, must: Option<Vec<u8>>) -> String {
+        let [is, must] =
+            [is, must].map(|answer| answer.map_or("nothing".to_owned(), |answer| hex(&answer)));
+        format!("{self:?}: answered {is}, must be {must}")
     }
 
     /// As it is on the wire.
@@ -379,6 +386,7 @@ impl<'a> Requests<'a> {
             };
             let last = if file == 5 { 10_000 } else { 32u16 }.saturating_sub(count);
             let first = match self.below(20) {
+                0..=3 if file == 5 => last + 1,
                 0 => last + 1,
                 1..=9 => last,
                 10 => self.pick(&[9_999, 10_000, 0xffff]),

@@ -47,6 +47,11 @@ pub fn plain(bytes: &[u8]) -> Vec<Character> {
     bytes.iter().map(sound).collect()
 }
 
+pub fn hex(bytes: &[u8]) -> String {
+    let bytes: Vec<_> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+    bytes.join(" ")
+}
+
 /// CRC-16/MODBUS, bit by bit as SER 6.2.2 draws it.
 pub fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0xffff, |sum, &byte| {

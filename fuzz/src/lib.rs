@@ -2,6 +2,9 @@
 
 #[path = "../../protocol/tests/harness/mod.rs"]
 mod harness;
+/// The standard read line by line, over the conformance map.
+#[path = "../../tests/tests/common/plain/mod.rs"]
+mod plain;
 
 mod codec;
 mod input;

@@ -1,19 +1,60 @@
 //! Requests to a server, one after the other, compared with a plain reading of the standard.
 
+use multidrop_firmware::conformance::Conformance;
 use multidrop_protocol::Adu;
-use multidrop_protocol::server::{DataModel, Plan};
+use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::server::{Counted, DataModel, Plan, Server};
 
 use crate::harness::book::Book;
 use crate::harness::memory::{self, Memory};
 use crate::input::Input;
+use crate::plain::{Heard, Plain};
 
 /// A byte that chooses the kind of model; then, for each request, its length and its bytes: unit id and PDU.
 pub fn server_pdu(data: &[u8]) {
     let mut input = Input(data);
-    if input.byte() & 1 == 0 {
-        ask_all::<false>(input);
-    } else {
-        ask_all::<true>(input);
+    match input.byte() & 3 {
+        0 => ask_all::<false>(input),
+        1 => ask_all::<true>(input),
+        _ => ask_conformance(input),
+    }
+}
+
+/// All functions over the conformance map, with counters and event log. A length of 0 or 1 is a damaged frame.
+fn ask_conformance(mut input: Input) {
+    let mut plain = Plain::new("stm32", env!("CARGO_PKG_VERSION"), 32);
+    let server = Server::<Counted<64>>::counted(17);
+    let mut model = Conformance::<32>::new("stm32");
+    let mut frame: Adu = [0xA5; 256];
+    for _ in 0..64 {
+        if input.is_over() {
+            break;
+        }
+        let len = input.byte();
+        if len < 2 {
+            let overrun = len == 1;
+            server.damaged(if overrun {
+                Flaws::OVERRUN
+            } else {
+                Flaws::CHECK
+            });
+            assert_eq!(plain.hears(&Heard::Bad { overrun }), None);
+            continue;
+        }
+        let len = len.min(254);
+        let request = input.bytes(len.into());
+        frame[..request.len()].copy_from_slice(request);
+        let request = frame[..len.into()].to_vec();
+        let plan = server.prepare(&mut model, &mut frame, len);
+        let early = plan.answer_at_once::<Conformance<32>>();
+        let released = frame;
+        let answer = server.commit(&mut model, &mut frame, len, plan);
+        if early > 0 {
+            assert_eq!((answer, frame), (early, released), "it may be on its way");
+        }
+        let expected = plain.hears(&Heard::Good(request.clone()));
+        let expected = expected.unwrap_or_default();
+        assert_eq!(frame[..answer.into()], expected, "{request:02X?}");
     }
 }
 

@@ -28,6 +28,8 @@ pub enum Damage {
     Flip(usize, u8),
     /// A character or the time before it is wrong.
     At(usize, Flaw),
+    /// It has no function code, but a right check.
+    Bare,
     /// One more character, too late to be part of it and too early for the next.
     Late(u8),
 }
@@ -60,9 +62,13 @@ impl Step {
 
     /// As it is on the wire.
     pub fn characters(&self, way: Way, delimiter: u8) -> Vec<Character> {
+        let body = match self.damage {
+            Some(Damage::Bare) => &self.body[..1],
+            _ => &self.body,
+        };
         let mut bytes = match way {
-            Way::Rtu => rtu(&self.body),
-            Way::Ascii => ascii(&self.body, delimiter),
+            Way::Rtu => rtu(body),
+            Way::Ascii => ascii(body, delimiter),
         };
         let len = bytes.len();
         match (self.damage, way) {
@@ -92,7 +98,7 @@ impl Step {
                 let wrong = b"GZ g/;@`";
                 bytes[1 + at % (len - 3)] = wrong[usize::from(bit) % wrong.len()];
             }
-            (Some(Damage::At(..) | Damage::Late(_)) | None, _) => {}
+            (Some(Damage::At(..) | Damage::Bare | Damage::Late(_)) | None, _) => {}
         }
         let mut characters = plain(&bytes);
         if let Some(Damage::At(at, flaw)) = self.damage {
@@ -166,12 +172,13 @@ impl<'a> Requests<'a> {
 
     fn damage(&mut self) -> Damage {
         let place = self.below(600) as usize;
-        match self.below(6) {
+        match self.below(7) {
             0 => Damage::Check(self.word().max(1)),
             1 => Damage::Cut(place),
             2 => Damage::Long(place),
             3 => Damage::Flip(place, self.byte()),
             4 => Damage::Late(self.byte()),
+            5 => Damage::Bare,
             _ => Damage::At(place, self.pick(self.flaws)),
         }
     }

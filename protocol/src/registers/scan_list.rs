@@ -53,7 +53,7 @@ impl<const N: usize> ScanList<N> {
         offsets: [u16; N],
     ) -> ScanList<N> {
         assert!(
-            N >= 1 && N <= 65_536,
+            N >= 1 && N as u32 <= 65_536,
             "scan list of no items, or of more than 65536"
         );
         let mut i = 0;

@@ -117,7 +117,7 @@ impl<T: Copy + Default, const N: usize> Sparse<T, N> {
     ///
     /// If an address is not above the one before; in a `const` that is a build error.
     pub const fn from_cells(addresses: [u16; N], cells: [T; N]) -> Sparse<T, N> {
-        assert!(N <= 65_536, "sparse bank of more than 65536 items");
+        assert!(N as u32 <= 65_536, "sparse bank of more than 65536 items");
         let mut i = 1;
         while i < N {
             if addresses[i] <= addresses[i - 1] {

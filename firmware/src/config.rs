@@ -3,7 +3,7 @@
 use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::message::Message;
 
-use crate::line::{InterCharacter, LineConfig};
+use crate::line::{InterCharacter, LineConfig, Role};
 
 /// Configuration of one port, built in a `const`: a wrong value stops the build with a message that
 /// names port, field and value.
@@ -38,6 +38,7 @@ impl PortConfig {
                 framing: Framing::Rtu,
                 format: LineFormat::F8E1,
                 inter_character: InterCharacter::Strict,
+                role: Role::Server,
             },
         }
     }
@@ -89,12 +90,18 @@ impl PortConfig {
         self
     }
 
+    /// A client, in place of a server: the unit id is that of the unit it asks.
+    pub const fn client(mut self) -> Self {
+        self.line.role = Role::Client;
+        self
+    }
+
     /// The port's name.
     pub const fn name(&self) -> &'static str {
         self.name
     }
 
-    /// The unit id of a slave.
+    /// The unit id of a slave, or of the slave that a master asks.
     pub const fn unit(&self) -> u8 {
         self.slave_id
     }

@@ -21,7 +21,7 @@ pub mod shared;
 
 pub use client::{Client, ClientConfig, ClientError, ClientPort, client_receive};
 pub use config::PortConfig;
-pub use line::{Frame, InterCharacter, Line, LineConfig};
+pub use line::{Frame, InterCharacter, Line, LineConfig, Role};
 pub use multidrop_protocol as protocol;
 pub use port::Port;
 pub use receive::receive;

@@ -27,6 +27,17 @@ pub enum InterCharacter {
     Off,
 }
 
+/// Which part a line has in a transaction: it says when a frame is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// As close to t3.5 as can be: a late part of a frame voids it, and what begins at t3.5 is the request of
+    /// a client.
+    Server,
+    /// Earlier, between t1.5 and t3.5, so that there is time to make the next request, which starts at t3.5. Nobody
+    /// else on the bus begins anything by itself; who does so before t3.5 holds the request back.
+    Client,
+}
+
 /// How a line is to be set up, at start or later.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineConfig {
@@ -39,6 +50,8 @@ pub struct LineConfig {
     pub format: LineFormat,
     /// The rule for gaps inside a frame. ASCII has one of its own: up to a second (SER 2.5.2).
     pub inter_character: InterCharacter,
+    /// Who begins to talk.
+    pub role: Role,
 }
 
 /// A [`LineConfig`] that the chip cannot do. The caller's error; the line keeps its settings.

@@ -8,7 +8,7 @@
 use embassy_avr_hal::gpio::{PD2, Pins};
 use embassy_avr_hal::usart::{Settings, Usart0};
 use embassy_avr_hal::{bind_usart0, executor, pac};
-use multidrop_firmware::line::{InterCharacter, Line, LineConfig};
+use multidrop_firmware::line::{InterCharacter, Line, LineConfig, Role};
 use multidrop_firmware::protocol::format::{Framing, LineFormat};
 
 const CLOCK_HZ: u32 = 16_000_000;
@@ -20,6 +20,7 @@ const START: LineConfig = LineConfig {
     framing: Framing::Rtu,
     format: LineFormat::F8N1,
     inter_character: InterCharacter::Strict,
+    role: Role::Server,
 };
 
 type Rs485 = Usart0<PD2, CLOCK_HZ>;

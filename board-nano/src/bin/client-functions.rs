@@ -54,6 +54,7 @@ use multidrop_firmware::{Client, ClientConfig, ClientError, ClientPort, PortConf
 use static_cell::StaticCell;
 
 const PORT: PortConfig = PortConfig::new("RS4")
+    .client()
     .slave_id(17)
     .baud(options::baud(38_400))
     .format(options::format(LineFormat::F8N1));

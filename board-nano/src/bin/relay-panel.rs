@@ -30,6 +30,7 @@ use static_cell::StaticCell;
 
 /// The slave id is that of the unit that is asked.
 const PORT: PortConfig = PortConfig::new("RS4")
+    .client()
     .slave_id(options::unit(1))
     .baud(options::baud(38_400))
     .format(options::format(LineFormat::F8N1));

@@ -2,7 +2,7 @@
 
 use core::marker::PhantomData;
 
-use multidrop_firmware::line::{InterCharacter, LineConfig, LineError};
+use multidrop_firmware::line::{InterCharacter, LineConfig, LineError, Role};
 use multidrop_firmware::protocol::format::{Framing, LineFormat, Parity};
 use multidrop_firmware::protocol::timing;
 
@@ -23,6 +23,10 @@ const JUDGED_EARLY: u32 = 128;
 /// Ticks by which it is judged early at the least: the interrupt that does it takes up to 243 cycles, and
 /// the next, which starts the answer, must not have to wait for it.
 const JUDGED_EARLY_MIN: u32 = 32;
+
+/// A client judges a frame this part of the time from t1.5 to t3.5 before t3.5: 250 us above 19200 baud, in
+/// which it makes its next request.
+const JUDGED_EARLY_CLIENT: u32 = 4;
 
 /// The framings that a line can be set up for, as a type: what is for ASCII is not in an image whose line
 /// has no use for it.
@@ -114,10 +118,10 @@ impl<F: Framings> Settings<F> {
         if t3_5 + character > u16::MAX as u32 {
             return Err(LineError::Baud { nearest: 2400 });
         }
-        let to_start = if t3_5 / JUDGED_EARLY > JUDGED_EARLY_MIN {
-            t3_5 / JUDGED_EARLY
-        } else {
-            JUDGED_EARLY_MIN
+        let to_start = match (config.role, config.inter_character) {
+            (Role::Client, InterCharacter::Strict) => (t3_5 - t1_5) / JUDGED_EARLY_CLIENT,
+            _ if t3_5 / JUDGED_EARLY > JUDGED_EARLY_MIN => t3_5 / JUDGED_EARLY,
+            _ => JUDGED_EARLY_MIN,
         };
         let to_complete = match config.inter_character {
             InterCharacter::Strict => t1_5,

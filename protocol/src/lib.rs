@@ -15,6 +15,7 @@
 //! | [`client`] | a request made, an answer held against it |
 //! | [`number`] | wider numbers and text across registers |
 //! | [`registers`] | banks of registers and coils for a data model, rules on what may be written |
+//! | [`port_registers`] | the register set of a port, `MB_xxx` |
 //! | [`message`] | text of build errors |
 //!
 //! # Sources
@@ -34,6 +35,7 @@ pub mod function;
 pub mod line;
 pub mod message;
 pub mod number;
+pub mod port_registers;
 pub mod registers;
 pub mod rtu;
 pub mod server;

@@ -11,6 +11,7 @@ pub mod book;
 pub mod bus;
 pub mod judge;
 pub mod memory;
+pub mod ports;
 pub mod random;
 pub mod script;
 pub mod unit;

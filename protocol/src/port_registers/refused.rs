@@ -1,0 +1,145 @@
+//! Why a register keeps its value.
+
+use core::fmt;
+
+use super::register::Register;
+use crate::format::Framing;
+
+/// A value that a register does not take; nothing was changed. Displayed it names the register, the value and what would be
+/// right.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Refused {
+    /// The register that has, or would have, the wrong value: for START the one that stands in the way.
+    pub register: Register,
+    /// That value.
+    pub value: u32,
+    /// What is wrong with it.
+    pub reason: Reason,
+}
+
+/// What is wrong with a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// It has to be in this range, both ends included.
+    Range(u32, u32),
+    /// It is none of the few values that the register has.
+    Choice,
+    /// The mode is not in this version.
+    NotYet,
+    /// The register only tells.
+    ReadOnly,
+    /// The array, or the list of rules, has so many elements.
+    Index(u32),
+    /// The first item would be at this address, which leaves no room for so many.
+    Base(u32),
+    /// For this function it has to be in 1..= this.
+    Count(u8, u16),
+    /// So many items were asked for, and the array has so many.
+    Beyond(u16, u32),
+    /// The last address would be behind 65535 with this BASE and so many items.
+    Address(u16, u16),
+    /// A slave cannot have slave id 0.
+    SlaveZero,
+    /// Seven data bits are for ASCII.
+    SevenBits,
+    /// The clock does not make this rate within 2.5 %; the nearest it does make.
+    Baud(u32),
+    /// The chip does not have it.
+    Chip,
+    /// The line was built without this framing.
+    Framing(Framing),
+    /// It is not how the port is wired.
+    Wiring,
+    /// A transaction is under way.
+    Running,
+    /// Only a master starts transactions.
+    NotMaster,
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Refused {
+            register, value, ..
+        } = *self;
+        match self.reason {
+            Reason::Index(0) => return write!(f, "{register} does not exist, there is none"),
+            Reason::Index(len) => {
+                let (name, last) = (register.name(), len - 1);
+                return write!(f, "{register} does not exist, must be {name}.0..={last}");
+            }
+            Reason::ReadOnly => return write!(f, "{register} is read only"),
+            Reason::Running => {
+                return write!(f, "{register} is 1, must wait: a transaction is under way");
+            }
+            _ => write!(f, "{register} is {value}, ")?,
+        }
+        match self.reason {
+            Reason::Range(low, high) => write!(f, "must be {low}..={high}"),
+            Reason::Choice => write!(f, "must be {}", choices(register)),
+            Reason::NotYet => write!(
+                f,
+                "which is not in this version, must be {}",
+                choices(register)
+            ),
+            Reason::Base(len) => write!(
+                f,
+                "must be 0..={}: there are {len} items behind it",
+                65_536 - len
+            ),
+            Reason::Count(function, 1) => write!(f, "must be 1 with FUNC {function}"),
+            Reason::Count(function, max) => write!(f, "must be 1..={max} with FUNC {function}"),
+            Reason::Beyond(count, len) => match len.checked_sub(count.into()) {
+                Some(last) => write!(
+                    f,
+                    "must be 0..={last} for {count} items: the array has {len}"
+                ),
+                None => write!(
+                    f,
+                    "which with {count} items is too much: the array has {len}"
+                ),
+            },
+            Reason::Address(base, count) => write!(
+                f,
+                "must be 0..={} with BASE {base} and {count} items",
+                (65_536 - u32::from(count)).saturating_sub(base.into())
+            ),
+            Reason::SlaveZero => match register {
+                Register::Mode => write!(f, "but SLAVEID is 0, must be 1..=247 first"),
+                _ => write!(f, "must be 1..=247 for a slave"),
+            },
+            Reason::SevenBits => match register {
+                Register::Framing => write!(f, "but FORMAT has 7 data bits, must have 8 for RTU"),
+                _ => write!(f, "must be 8N1 (0), 8E1 (1), 8O1 (2) or 8N2 (3) for RTU"),
+            },
+            Reason::Baud(nearest) => write!(
+                f,
+                "the clock does not make it within 2.5 %, nearest is {nearest}"
+            ),
+            Reason::Chip => write!(f, "the chip does not have it"),
+            Reason::Framing(Framing::Rtu) => write!(f, "the line was built without RTU"),
+            Reason::Framing(Framing::Ascii) => write!(f, "the line was built without ASCII"),
+            Reason::Wiring => write!(f, "must be {}: the port is wired so", 1 - value.min(1)),
+            Reason::NotMaster => write!(f, "must be 0 (master) for START"),
+            Reason::Index(_) | Reason::ReadOnly | Reason::Running => Ok(()),
+        }
+    }
+}
+
+impl core::error::Error for Refused {}
+
+fn choices(register: Register) -> &'static str {
+    match register {
+        Register::Mode => "0 (master), 1 (slave) or 2 (off)",
+        Register::Framing => "0 (RTU) or 1 (ASCII)",
+        Register::Func => {
+            "1, 2, 3, 4, 5, 6, 15, 16 or 23; other functions are methods of the client"
+        }
+        Register::Coils(_) => "0 (off) or 1 (on)",
+        Register::DisableFlg(_) => "0 (enabled) or 1 (disabled)",
+        Register::Format => "8N1 (0), 8E1 (1), 8O1 (2), 8N2 (3), 7E1 (4), 7O1 (5) or 7N2 (6)",
+        Register::Duplex => "0 (half) or 1 (full)",
+        Register::Flow => "0 (none) or 1 (RTS/CTS)",
+        Register::InterCharacter => "0 (strict) or 1 (off)",
+        _ => "1",
+    }
+}

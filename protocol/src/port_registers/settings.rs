@@ -1,0 +1,119 @@
+//! What a port is set to, and what its settings may be.
+
+use crate::format::{Framing, LineFormat};
+
+/// What a port does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Mode {
+    /// It asks: client.
+    Master = 0,
+    /// It answers: server.
+    Slave = 1,
+    /// It does neither, and leaves the bus alone.
+    Off = 2,
+}
+
+/// How the wires of a port are used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Duplex {
+    /// One pair for both directions: the driver is enabled (DE) only while the port talks. RS-485.
+    Half = 0,
+    /// A pair for each direction, and no driver to enable. RS-232, RS-422.
+    Full = 1,
+}
+
+/// Hardware flow control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Flow {
+    /// None.
+    None = 0,
+    /// RTS and CTS.
+    RtsCts = 1,
+}
+
+/// The line of a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineSettings {
+    /// Bits per second.
+    pub baud: u32,
+    /// RTU or ASCII.
+    pub framing: Framing,
+    /// Data bits, parity and stop bits.
+    pub format: LineFormat,
+    /// How the wires are used.
+    pub duplex: Duplex,
+    /// Hardware flow control.
+    pub flow: Flow,
+    /// Whether a gap of more than 1.5 characters inside an RTU frame makes it bad (SER 2.5.1.1).
+    pub strict: bool,
+}
+
+/// The settings of a port that registers begin with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// MODE.
+    pub mode: Mode,
+    /// BASE.
+    pub base: u16,
+    /// SLAVEID: 1..=247 for a slave, 0..=247 for a master.
+    pub slave_id: u8,
+    /// TIMEOUT, 1..=65535 ms.
+    pub timeout_ms: u16,
+    /// RETRIES.
+    pub retries: u8,
+    /// TURNAROUND.
+    pub turnaround_ms: u16,
+    /// BAUD, FRAMING, FORMAT, DUPLEX, FLOW, INTER_CHARACTER.
+    pub line: LineSettings,
+}
+
+impl Settings {
+    /// BAUD, both ends included. What the clock makes of it is the board's business.
+    pub const BAUD: (u32, u32) = (300, 10_000_000);
+    /// TIMEOUT in ms.
+    pub const TIMEOUT: (u32, u32) = (1, 65_535);
+
+    /// A slave with id 1 at 19200 baud 8E1, the standard's default (SER 2.5.1); as a master a timeout of one second, no
+    /// retries, and 100 ms after a broadcast (SER 2.4.1).
+    pub const DEFAULT: Settings = Settings {
+        mode: Mode::Slave,
+        base: 0,
+        slave_id: 1,
+        timeout_ms: 1000,
+        retries: 0,
+        turnaround_ms: 100,
+        line: LineSettings {
+            baud: 19_200,
+            framing: Framing::Rtu,
+            format: LineFormat::F8E1,
+            duplex: Duplex::Half,
+            flow: Flow::None,
+            strict: true,
+        },
+    };
+}
+
+/// STATUS: how the transaction under way stands, or how the last one ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Status {
+    /// None is under way; the last one ended well, or with an exception: see ERROR.
+    Idle = 0,
+    /// The request is being sent, or waits for a silence.
+    Transmitting = 1,
+    /// The answer is being waited for.
+    Receiving = 2,
+    /// An answer with another function code was the last thing heard before the timeout.
+    WrongFunction = 3,
+    /// An answer from another slave was.
+    WrongSlave = 4,
+    /// A damaged frame was.
+    WrongCrc = 5,
+    /// Nothing of the kind was heard.
+    Timeout = 6,
+    /// The request cannot be made: a read from slave id 0.
+    InvalidRequest = 7,
+}

@@ -5,10 +5,10 @@ use core::cell::Cell;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant};
+use embassy_time::Instant;
 use multidrop_protocol::rtu::Flaws;
 
-use super::ClientError;
+use super::{ClientConfig, ClientError};
 use crate::line::{Frame, Line};
 
 /// What was heard: a frame, lent and provisional, or what was wrong with one.
@@ -23,8 +23,9 @@ pub struct Exchange<L: Line + 'static, const N: usize> {
     turn: FairSemaphore<NoopRawMutex, N>,
     heard: Signal<NoopRawMutex, Heard<L>>,
     expecting: Cell<bool>,
-    /// Until then the answer to a request may come that nobody waits for any more.
-    owed: Cell<Option<Instant>>,
+    /// The answer to a request may come that nobody waits for any more, until then.
+    is_owed: Cell<bool>,
+    owed_until: Cell<Instant>,
 }
 
 impl<L: Line + 'static, const N: usize> Exchange<L, N> {
@@ -34,7 +35,8 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
             turn: FairSemaphore::new(1),
             heard: Signal::new(),
             expecting: Cell::new(false),
-            owed: Cell::new(None),
+            is_owed: Cell::new(false),
+            owed_until: Cell::new(Instant::MIN),
         }
     }
 
@@ -44,7 +46,7 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         if self.expecting.get() {
             self.heard.signal(heard);
         } else if heard.is_ok() {
-            self.owed.set(None);
+            self.is_owed.set(false);
         }
     }
 
@@ -62,12 +64,18 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
     }
 
     /// Whether the answer to a request that was given up may still come.
-    pub(super) fn is_owed(&self) -> Option<Instant> {
-        self.owed.get()
+    pub(super) fn is_owed(&self) -> bool {
+        self.is_owed.get()
     }
 
-    pub(super) fn settled(&self) {
-        self.owed.set(None);
+    /// Until when it may.
+    pub(super) fn owed_until(&self) -> Instant {
+        self.owed_until.get()
+    }
+
+    /// It came, or did not.
+    pub(super) fn settle(&self) {
+        self.is_owed.set(false);
     }
 
     /// Begins to wait for what is heard, as long as the result lives.
@@ -76,12 +84,12 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         Expecting(self)
     }
 
-    /// A request goes out that will be answered within `timeout` of its end. If the result is dropped
+    /// A request goes out that will be answered within its timeout. If the result is dropped
     /// before [`Debt::settle`], others wait for that answer.
-    pub(super) fn owe(&self, timeout: Duration) -> Debt<'_, L, N> {
+    pub(super) fn owe<'a>(&'a self, config: &'a ClientConfig) -> Debt<'a, L, N> {
         Debt {
             exchange: self,
-            timeout,
+            config,
         }
     }
 }
@@ -111,7 +119,7 @@ impl<L: Line + 'static, const N: usize> Drop for Expecting<'_, L, N> {
 /// An answer that is to come.
 pub(super) struct Debt<'a, L: Line + 'static, const N: usize> {
     exchange: &'a Exchange<L, N>,
-    timeout: Duration,
+    config: &'a ClientConfig,
 }
 
 impl<L: Line + 'static, const N: usize> Debt<'_, L, N> {
@@ -123,6 +131,8 @@ impl<L: Line + 'static, const N: usize> Debt<'_, L, N> {
 
 impl<L: Line + 'static, const N: usize> Drop for Debt<'_, L, N> {
     fn drop(&mut self) {
-        self.exchange.owed.set(Some(Instant::now() + self.timeout));
+        let until = Instant::now() + self.config.timeout();
+        self.exchange.owed_until.set(until);
+        self.exchange.is_owed.set(true);
     }
 }

@@ -317,7 +317,9 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
 
     /// A request whose answer says nothing new.
     async fn tell(&self, unit: u8, request: &dyn Request) -> Result<(), ClientError> {
-        self.run(unit, request, Destination::Nothing).await.map(drop)
+        self.run(unit, request, Destination::Nothing)
+            .await
+            .map(drop)
     }
 
     /// A request that reads, whose answer is looked at when it stands.

@@ -4,7 +4,7 @@ use core::future::poll_fn;
 use core::pin::pin;
 use core::task::Poll;
 
-use embassy_time::{Duration, Instant, Timer, with_deadline};
+use embassy_time::{Instant, Timer, with_deadline};
 use multidrop_protocol::client::{Request, encode, judge};
 use multidrop_protocol::data::Registers;
 use multidrop_protocol::exception::Exception;
@@ -97,10 +97,76 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         let mut retries = self.config.retries;
         loop {
             let turn = self.exchange.turn().await?;
-            let error = match self.attempt(unit, request, &mut into).await {
-                Ok(Some(frame)) => return Ok(Some(Reply { frame, _turn: turn })),
-                Ok(None) => return Ok(None),
-                Err(error) => error,
+            let error = 'tried: {
+                if self.exchange.is_owed() {
+                    self.collect().await;
+                }
+
+                let mut give_up = None;
+                let (function, debt) = loop {
+                    let mut frame = match self.lend(&mut give_up).await {
+                        Ok(frame) => frame,
+                        Err(error) => break 'tried error,
+                    };
+                    let encoded = encode(request, unit, frame.adu())?;
+                    let function = frame.bytes()[1];
+                    frame.release(encoded.len);
+                    let debt = encoded.answered.then(|| self.exchange.owe(&self.config));
+                    if frame.sent().await {
+                        break (function, debt);
+                    }
+                    // Somebody has begun to talk.
+                    if let Some(debt) = debt {
+                        debt.settle();
+                    }
+                };
+                let Some(debt) = debt else {
+                    Timer::after(self.config.turnaround()).await;
+                    return Ok(None);
+                };
+
+                let expecting = self.exchange.expect();
+                let mut deadline = Instant::now() + self.config.timeout();
+                let mut end = ClientError::Timeout;
+                let mut acknowledged = false;
+                let error = loop {
+                    let Ok(heard) = with_deadline(deadline, expecting.heard()).await else {
+                        break end;
+                    };
+                    let error = match heard {
+                        Err(flaws) => ClientError::Damaged(flaws),
+                        Ok(mut frame) => {
+                            let judged = judge(request, unit, function, self::heard(&frame));
+                            if judged.is_ok() {
+                                into.take(self::heard(&frame));
+                            }
+                            match judged {
+                                Err(error) if !error.is_exception() => error.into(),
+                                _ if !frame.settle().await => ClientError::Damaged(Flaws::GAP),
+                                Ok(()) => {
+                                    debt.settle();
+                                    return Ok(Some(Reply { frame, _turn: turn }));
+                                }
+                                Err(error) => error.into(),
+                            }
+                        }
+                    };
+                    match error {
+                        ClientError::Exception(Exception::Acknowledge) if !acknowledged => {
+                            acknowledged = true;
+                            deadline = Instant::now() + self.config.timeout();
+                            end = error;
+                        }
+                        ClientError::Exception(_) | ClientError::UnknownException(_) => {
+                            break error;
+                        }
+                        // Once the server has accepted the request, that is what is to be told.
+                        _ if acknowledged => {}
+                        _ => end = error,
+                    }
+                };
+                debt.settle();
+                error
             };
             // Others may ask before this is tried again.
             drop(turn);
@@ -114,85 +180,17 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         }
     }
 
-    async fn attempt(
-        &self,
-        unit: u8,
-        request: &dyn Request,
-        into: &mut Destination<'_>,
-    ) -> Result<Option<Frame<'static, L>>, ClientError> {
-        if let Some(until) = self.exchange.is_owed() {
-            let expecting = self.exchange.expect();
-            while let Ok(Err(_)) = with_deadline(until, expecting.heard()).await {}
-            self.exchange.settled();
-        }
-
-        let timeout = self.config.timeout();
-        let mut give_up = None;
-        let (function, debt) = loop {
-            let mut frame = self.lend(&mut give_up, timeout).await?;
-            let encoded = encode(request, unit, frame.adu())?;
-            let function = frame.bytes()[1];
-            frame.release(encoded.len);
-            let debt = encoded.answered.then(|| self.exchange.owe(timeout));
-            if frame.sent().await {
-                break (function, debt);
-            }
-            // Somebody has begun to talk.
-            if let Some(debt) = debt {
-                debt.settle();
-            }
-        };
-        let Some(debt) = debt else {
-            Timer::after(self.config.turnaround()).await;
-            return Ok(None);
-        };
-
+    /// Waits for the answer to a request that was given up, and drops it.
+    async fn collect(&self) {
         let expecting = self.exchange.expect();
-        let mut deadline = Instant::now() + timeout;
-        let mut end = ClientError::Timeout;
-        let mut acknowledged = false;
-        let result = loop {
-            let Ok(heard) = with_deadline(deadline, expecting.heard()).await else {
-                break Err(end);
-            };
-            let error = match heard {
-                Err(flaws) => ClientError::Damaged(flaws),
-                Ok(mut frame) => {
-                    let judged = judge(request, unit, function, self::heard(&frame));
-                    if judged.is_ok() {
-                        into.take(self::heard(&frame));
-                    }
-                    match judged {
-                        Err(error) if !error.is_exception() => error.into(),
-                        _ if !frame.settle().await => ClientError::Damaged(Flaws::GAP),
-                        Ok(()) => break Ok(Some(frame)),
-                        Err(error) => error.into(),
-                    }
-                }
-            };
-            match error {
-                ClientError::Exception(Exception::Acknowledge) if !acknowledged => {
-                    acknowledged = true;
-                    deadline = Instant::now() + timeout;
-                    end = error;
-                }
-                ClientError::Exception(_) | ClientError::UnknownException(_) => break Err(error),
-                // Once the server has accepted the request, that is what is to be told.
-                _ if acknowledged => {}
-                _ => end = error,
-            }
-        };
-        debt.settle();
-        result
+        let until = self.exchange.owed_until();
+        while let Ok(Err(_)) = with_deadline(until, expecting.heard()).await {}
+        self.exchange.settle();
     }
 
     /// The buffer to send from. The time is looked at only if there is anything to wait for: a request
     /// right after an answer has none to lose.
-    async fn lend(
-        &self,
-        give_up: &mut Option<Instant>,
-        timeout: Duration,
-    ) -> Result<Frame<'static, L>, ClientError> {
+    async fn lend(&self, give_up: &mut Option<Instant>) -> Result<Frame<'static, L>, ClientError> {
         let line: &'static L = self.line;
         let mut lent = pin!(line.lend());
         if let Poll::Ready(frame) =
@@ -200,7 +198,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         {
             return Ok(frame);
         }
-        let deadline = *give_up.get_or_insert_with(|| Instant::now() + timeout);
+        let deadline = *give_up.get_or_insert_with(|| Instant::now() + self.config.timeout());
         with_deadline(deadline, lent)
             .await
             .map_err(|_| ClientError::NoSilence)

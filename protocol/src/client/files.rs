@@ -131,9 +131,7 @@ impl Request for WriteFiles<'_> {
         draft.byte(len as u8);
         for group in self.groups {
             put_group(draft, group.file, group.record, group.values.len() as u16);
-            for &value in group.values {
-                draft.word(value);
-            }
+            draft.words(group.values);
         }
         Ok(())
     }

@@ -104,6 +104,18 @@ impl Draft<'_> {
         self.byte(low);
     }
 
+    /// Words one behind the other, as they stand in a block of registers.
+    #[inline(never)]
+    pub fn words(&mut self, words: &[u16]) {
+        let from = usize::from(self.len);
+        let room = self.adu[from..].as_chunks_mut().0;
+        for (place, word) in room.iter_mut().zip(words) {
+            *place = word.to_be_bytes();
+        }
+        let bytes = words.len().saturating_mul(2).min(255) as u8;
+        self.len = self.len.saturating_add(bytes);
+    }
+
     /// The function code of a request that is good for nothing without an answer.
     ///
     /// # Errors

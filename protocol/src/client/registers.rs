@@ -183,9 +183,7 @@ fn block_of_values(draft: &mut Draft<'_>, first: u16, values: &[u16]) {
     draft.word(first);
     draft.word(values.len() as u16);
     draft.byte((2 * values.len()) as u8);
-    for &value in values {
-        draft.word(value);
-    }
+    draft.words(values);
 }
 
 fn registers(frame: &[u8], count: u16) -> Result<Registers<'_>, AnswerError> {

@@ -1,4 +1,4 @@
-//! The bus: stations in lock step on one wire.
+//! The bus: stations in lock step on one wire, or several.
 //!
 //! # Order of time
 //! The station that is furthest behind runs first, for at most [`BusConfig::quantum`] beyond the
@@ -8,18 +8,26 @@
 //! does: its own time stands still until it has a reason to move. When all sleep and the wire is
 //! idle, time jumps.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use crate::error::BusError;
 use crate::gpio::Level;
 use crate::host::{BitTimes, Frame, Host, HostPort, RxByte};
 use crate::line::Line;
+use crate::machine::{Machine, MachineId, MachineOutput, Stm32};
 use crate::node::{Nano, Node};
 use crate::peripherals::OutputKind;
 use crate::record::{HostId, NodeId, PinEdge, Record, Station};
 use crate::time::Time;
 use crate::wire::Wire;
+
+/// How far a machine may run ahead of nodes that are awake: it hears the beginning of their characters so much late. Each
+/// stop costs some 30 us of the host's time.
+const MACHINE_AHEAD_OF_NODES: Time = Time::from_us(20);
+
+/// How far it may run ahead of everything: what is sent from outside between two steps comes so much late.
+const MACHINE_AHEAD: Time = Time::from_us(200);
 
 /// What holds for the whole bus.
 #[derive(Clone, Debug)]
@@ -68,11 +76,18 @@ pub struct Bus {
     hosts: Vec<Host>,
     /// When each node may next do something.
     activity: Vec<Time>,
-    queue: BTreeMap<(Time, u64), Event>,
+    machines: Vec<Machine>,
+    queue: BTreeMap<(Time, u64), (WireId, Event)>,
     sequence: u64,
-    wire: Wire,
-    record: Record,
+    wires: Vec<Wire>,
+    records: Vec<Record>,
+    /// The wire of each host; nodes are on the first.
+    host_wires: Vec<WireId>,
 }
+
+/// One of the wires of a bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct WireId(usize);
 
 /// The answer to a request, as a host heard it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -107,7 +122,10 @@ impl Bus {
     /// An empty bus at time zero.
     pub fn new(config: BusConfig) -> Self {
         Bus {
-            wire: Wire::new(config.conflict_hold),
+            wires: vec![Wire::new(config.conflict_hold)],
+            records: vec![Record::default()],
+            host_wires: Vec::new(),
+            machines: Vec::new(),
             config,
             now: Time::ZERO,
             nodes: Vec::new(),
@@ -115,7 +133,6 @@ impl Bus {
             activity: Vec::new(),
             queue: BTreeMap::new(),
             sequence: 0,
-            record: Record::default(),
         }
     }
 
@@ -132,7 +149,7 @@ impl Bus {
             node.take_outputs();
         }
         let id = NodeId(self.nodes.len());
-        self.wire.add(
+        self.wires[0].add(
             Station::Node(id),
             node.config().de.is_none(),
             node.config().echo,
@@ -152,12 +169,50 @@ impl Bus {
 
     /// Puts a host on the bus.
     pub fn add_host(&mut self, port: HostPort) -> HostId {
+        self.add_host_on(WireId::default(), port)
+    }
+
+    /// Puts a host on one of the wires.
+    pub fn add_host_on(&mut self, wire: WireId, port: HostPort) -> HostId {
         let id = HostId(self.hosts.len());
         let mut host = Host::new(port);
         host.advance(self.now);
-        self.wire.add(Station::Host(id), false, host.echo());
+        self.wires[wire.0].add(Station::Host(id), false, host.echo());
         self.hosts.push(host);
+        self.host_wires.push(wire);
         id
+    }
+
+    /// One more wire, apart from the others but at the same time: for a machine with several ports.
+    pub fn add_wire(&mut self) -> WireId {
+        self.wires.push(Wire::new(self.config.conflict_hold));
+        self.records.push(Record {
+            since: self.now,
+            ..Record::default()
+        });
+        WireId(self.wires.len() - 1)
+    }
+
+    /// Powers an STM32 up, with its ports on wires.
+    ///
+    /// # Errors
+    /// [`BusError`], where QEMU cannot be started with the image.
+    pub fn add_stm32(&mut self, stm32: Stm32) -> Result<MachineId, BusError> {
+        let wires = stm32.wires;
+        let mut machine = Machine::new(stm32, self.now)?;
+        for (port, wire) in wires.into_iter().enumerate() {
+            if let Some(wire) = wire {
+                let host = self.add_host_on(wire, machine.host_port(port));
+                machine.connect(port, host, wire);
+            }
+        }
+        self.machines.push(machine);
+        Ok(MachineId(self.machines.len() - 1))
+    }
+
+    /// A machine.
+    pub fn machine(&self, id: MachineId) -> &Machine {
+        &self.machines[id.0]
     }
 
     /// How far the bus is.
@@ -196,36 +251,54 @@ impl Bus {
         &mut self.hosts[id.0]
     }
 
-    /// What happened so far.
+    /// What happened so far, on the first wire.
     pub fn record(&self) -> &Record {
-        &self.record
+        &self.records[0]
     }
 
-    /// Forgets what happened so far.
+    /// What happened so far on one of the wires.
+    pub fn record_of(&self, wire: WireId) -> &Record {
+        &self.records[wire.0]
+    }
+
+    /// Forgets what happened so far, on all wires.
     pub fn clear_record(&mut self) {
-        self.record = Record {
-            since: self.now,
-            ..Record::default()
-        };
+        for record in &mut self.records {
+            *record = Record {
+                since: self.now,
+                ..Record::default()
+            };
+        }
     }
 
-    /// The level of the wire; true is the idle level.
+    /// The level of the first wire; true is the idle level.
     pub fn wire_level(&self) -> bool {
-        self.wire.level()
+        self.wires[0].level()
+    }
+
+    fn wire_of(&self, station: Station) -> WireId {
+        match station {
+            Station::Node(_) => WireId::default(),
+            Station::Host(id) => self.host_wires[id.0],
+        }
     }
 
     // --- faults -----------------------------------------------------------------------------
 
     /// Takes a station's transceiver off the wire: it drives nothing and hears an idle line.
     pub fn unplug(&mut self, station: impl Into<Station>) {
-        self.wire.set_plugged(station.into(), false);
-        self.schedule(self.now, Event::Resolve);
+        self.set_plugged(station.into(), false);
     }
 
     /// Puts it back.
     pub fn plug(&mut self, station: impl Into<Station>) {
-        self.wire.set_plugged(station.into(), true);
-        self.schedule(self.now, Event::Resolve);
+        self.set_plugged(station.into(), true);
+    }
+
+    fn set_plugged(&mut self, station: Station, plugged: bool) {
+        let wire = self.wire_of(station);
+        self.wires[wire.0].set_plugged(station, plugged);
+        self.schedule(self.now, wire, Event::Resolve);
     }
 
     /// Pulls a node's reset pin.
@@ -236,15 +309,15 @@ impl Bus {
     /// Cuts a node's power: its pins float, its SRAM is lost.
     pub fn power_cut(&mut self, id: NodeId) {
         self.interrupt(id, Node::power_cut);
-        self.wire.set_powered(Station::Node(id), false);
-        self.schedule(self.now, Event::Resolve);
+        self.wires[0].set_powered(Station::Node(id), false);
+        self.schedule(self.now, WireId::default(), Event::Resolve);
     }
 
     /// Gives it power again.
     pub fn power_up(&mut self, id: NodeId) {
         self.nodes[id.0].power_up(self.now);
-        self.wire.set_powered(Station::Node(id), true);
-        self.schedule(self.now, Event::Resolve);
+        self.wires[0].set_powered(Station::Node(id), true);
+        self.schedule(self.now, WireId::default(), Event::Resolve);
         self.refresh(id.0);
     }
 
@@ -255,11 +328,11 @@ impl Bus {
         self.refresh(id.0);
     }
 
-    /// Forces the wire to `level` from `from` (at least now) for `length`, whatever drives it.
+    /// Forces the first wire to `level` from `from` (at least now) for `length`, whatever drives it.
     pub fn noise(&mut self, from: Time, length: Time, level: bool) {
         let from = from.max(self.now);
-        self.schedule(from, Event::Noise(Some(level)));
-        self.schedule(from + length, Event::Noise(None));
+        self.schedule(from, WireId::default(), Event::Noise(Some(level)));
+        self.schedule(from + length, WireId::default(), Event::Noise(None));
     }
 
     // --- running ----------------------------------------------------------------------------
@@ -323,6 +396,9 @@ impl Bus {
                 second = second.min(time);
             }
         }
+        let machine = self.machines.iter().enumerate();
+        let machine = machine.min_by_key(|(_, machine)| machine.now());
+        let behind = machine.map(|(index, machine)| (machine.now(), index));
         let queued = self
             .queue
             .first_key_value()
@@ -332,9 +408,18 @@ impl Bus {
             .iter()
             .map(Host::next_event)
             .fold(queued, Time::min);
-        if event <= first.0 && event <= deadline {
+        let next = behind.map_or(first.0, |(time, _)| time.min(first.0));
+        if event <= next && event <= deadline {
             self.now = self.now.max(event);
             self.happen();
+            return true;
+        }
+        if let Some((time, index)) = behind
+            && time <= first.0
+            && time < deadline
+        {
+            self.now = self.now.max(time);
+            self.run_machine(index, first.0, deadline);
             return true;
         }
         if first.0 >= deadline {
@@ -355,13 +440,41 @@ impl Bus {
         true
     }
 
+    /// Runs a machine, which is furthest behind, as far as nothing can happen that it has to hear; or to the first character
+    /// that it sends. `nodes` is when the first of the nodes may do something.
+    fn run_machine(&mut self, index: usize, nodes: Time, deadline: Time) {
+        let machine = &self.machines[index];
+        let hears = |event: &(WireId, Event)| match event {
+            (wire, Event::Begin(from, _)) => machine.is_on(*wire) && !machine.is(*from),
+            _ => false,
+        };
+        let begins = self.queue.iter().find(|(_, event)| hears(event));
+        let begins = begins.map_or(Time::NEVER, |((time, _), _)| *time);
+        let judged = machine.hosts().map(|id| self.hosts[id.0].next_event());
+        let limit = judged
+            .fold(begins, Time::min)
+            .min(nodes.saturating_add(MACHINE_AHEAD_OF_NODES))
+            .min(machine.now() + MACHINE_AHEAD)
+            .min(deadline);
+        for output in self.machines[index].run_to(limit) {
+            match output {
+                MachineOutput::Line(host, line) => self.hosts[host.0].set_line(line),
+                MachineOutput::Byte(host, at, byte) => self.hosts[host.0].send_from(at, byte),
+                MachineOutput::Drive(host, at, on) => {
+                    let wire = self.host_wires[host.0];
+                    self.schedule(at, wire, Event::Drive(Station::Host(host), on));
+                }
+            }
+        }
+    }
+
     fn refresh(&mut self, index: usize) {
         self.activity[index] = self.nodes[index].activity_time();
     }
 
-    fn schedule(&mut self, at: Time, event: Event) {
+    fn schedule(&mut self, at: Time, wire: WireId, event: Event) {
         self.sequence += 1;
-        self.queue.insert((at, self.sequence), event);
+        self.queue.insert((at, self.sequence), (wire, event));
     }
 
     /// Takes over what stations have announced.
@@ -374,11 +487,17 @@ impl Bus {
         for index in 0..self.hosts.len() {
             if self.hosts[index].has_outbox() {
                 let station = Station::Host(HostId(index));
+                let wire = self.host_wires[index];
+                let drives = self.hosts[index].switches_its_driver();
                 for frame in self.hosts[index].take_outbox() {
-                    self.schedule(frame.times.start(), Event::Drive(station, true));
+                    if drives {
+                        self.schedule(frame.times.start(), wire, Event::Drive(station, true));
+                    }
                     self.schedule_frame(station, frame);
-                    self.schedule(frame.times.end(), Event::Data(station, true));
-                    self.schedule(frame.times.end(), Event::Drive(station, false));
+                    self.schedule(frame.times.end(), wire, Event::Data(station, true));
+                    if drives {
+                        self.schedule(frame.times.end(), wire, Event::Drive(station, false));
+                    }
                 }
             }
         }
@@ -386,6 +505,7 @@ impl Bus {
 
     fn collect_node(&mut self, index: usize) {
         let station = Station::Node(NodeId(index));
+        let wire = WireId::default();
         let clock = self.nodes[index].clock();
         let de = self.nodes[index].config().de;
         for output in self.nodes[index].take_outputs() {
@@ -411,15 +531,15 @@ impl Bus {
                 }
                 OutputKind::Reset => {
                     self.queue
-                        .retain(|(time, _), event| *time <= at || !event.is_from(station));
-                    self.schedule(at, Event::Cut(station));
+                        .retain(|(time, _), (_, event)| *time <= at || !event.is_from(station));
+                    self.schedule(at, wire, Event::Cut(station));
                 }
-                OutputKind::Txd(level) => self.schedule(at, Event::Data(station, level)),
+                OutputKind::Txd(level) => self.schedule(at, wire, Event::Data(station, level)),
                 OutputKind::Pin(pin, level) => {
                     if Some(pin) == de {
-                        self.schedule(at, Event::Drive(station, level == Level::High));
+                        self.schedule(at, wire, Event::Drive(station, level == Level::High));
                     }
-                    self.record.pins.push(PinEdge {
+                    self.records[0].pins.push(PinEdge {
                         node: NodeId(index),
                         pin,
                         time: at,
@@ -431,16 +551,17 @@ impl Bus {
     }
 
     fn schedule_frame(&mut self, station: Station, frame: Frame) {
-        self.schedule(frame.times.start(), Event::Begin(station, frame));
+        let wire = self.wire_of(station);
+        self.schedule(frame.times.start(), wire, Event::Begin(station, frame));
         let mut level = true;
         for bit in 0..frame.times.count {
             let next = frame.bits >> bit & 1 == 1;
             if next != level || bit == 0 {
-                self.schedule(frame.times.bit(bit), Event::Data(station, next));
+                self.schedule(frame.times.bit(bit), wire, Event::Data(station, next));
                 level = next;
             }
         }
-        self.schedule(frame.times.end(), Event::End(station));
+        self.schedule(frame.times.end(), wire, Event::End(station));
     }
 
     /// Everything that is due now, as one change of the wire.
@@ -448,28 +569,39 @@ impl Bus {
         for host in &mut self.hosts {
             host.advance(self.now);
         }
-        let mut any = false;
+        let mut changed = BTreeSet::new();
         while let Some(entry) = self.queue.first_entry()
             && entry.key().0 <= self.now
         {
-            any = true;
-            let event = entry.remove();
-            self.wire.apply(event, self.now, &mut self.record);
+            let (wire, event) = entry.remove();
+            self.wires[wire.0].apply(event, self.now, &mut self.records[wire.0]);
+            changed.insert(wire);
         }
-        if !any {
-            return;
-        }
-        if let Some(again) = self.wire.resolve(self.now, &mut self.record) {
-            self.schedule(again, Event::Resolve);
-        }
-        for (station, level) in self.wire.take_heard() {
-            match station {
-                Station::Node(id) => {
-                    self.nodes[id.0].rxd_edge(self.now, level);
-                    self.refresh(id.0);
-                }
-                Station::Host(id) => self.hosts[id.0].edge(self.now, level),
+        let mut began = Vec::new();
+        for wire in changed {
+            let again = self.wires[wire.0].resolve(self.now, &mut self.records[wire.0]);
+            if let Some(again) = again {
+                self.schedule(again, wire, Event::Resolve);
             }
+            for (station, level) in self.wires[wire.0].take_heard() {
+                match station {
+                    Station::Node(id) => {
+                        self.nodes[id.0].rxd_edge(self.now, level);
+                        self.refresh(id.0);
+                    }
+                    Station::Host(id) => {
+                        let host = &mut self.hosts[id.0];
+                        let was_receiving = host.is_receiving();
+                        host.edge(self.now, level);
+                        if host.is_receiving() && !was_receiving {
+                            began.push(id);
+                        }
+                    }
+                }
+            }
+        }
+        for machine in &mut self.machines {
+            machine.hear(&mut self.hosts, &began);
         }
     }
 
@@ -504,7 +636,8 @@ impl Bus {
         }
         let received = self.host(id).take();
         let sent = |byte: &RxByte| {
-            let mut bytes = self.record.bytes.iter().rev();
+            let record = &self.records[self.host_wires[id.0].0];
+            let mut bytes = record.bytes.iter().rev();
             bytes
                 .find(|sent| sent.start == byte.start)
                 .map_or(byte.end, |sent| sent.end)

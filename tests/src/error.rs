@@ -46,6 +46,12 @@ pub enum BusError {
     /// The clock is outside 1 Hz ..= 20 MHz.
     #[error("a clock of {0} Hz is outside 1 Hz ..= 20 MHz")]
     Clock(u32),
+    /// A machine in QEMU does not start.
+    #[error("the STM32 does not start in QEMU: {reason}")]
+    Machine {
+        /// What went wrong.
+        reason: String,
+    },
     /// No such symbol in the image.
     #[error("the image has no symbol {0}")]
     NoSymbol(String),

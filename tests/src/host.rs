@@ -19,6 +19,8 @@ pub struct HostPort {
     pub clock_ppm: i32,
     /// Whether it hears itself.
     pub echo: bool,
+    /// Whether somebody else switches its driver.
+    pub(crate) has_driver_pin: bool,
 }
 
 impl HostPort {
@@ -29,6 +31,7 @@ impl HostPort {
             line,
             clock_ppm: 0,
             echo: false,
+            has_driver_pin: false,
         }
     }
 }
@@ -226,6 +229,17 @@ impl Host {
     pub fn set_line(&mut self, line: Line) {
         self.config.line = line;
         self.clock = Clock::new(line.baud, self.config.clock_ppm);
+    }
+
+    /// What it sends next begins at `at` or later.
+    pub(crate) fn send_from(&mut self, at: Time, byte: u8) {
+        self.now = self.now.max(at);
+        self.send(&[byte]);
+    }
+
+    /// Whether its driver is on for each character, and not by a pin of its own.
+    pub(crate) fn switches_its_driver(&self) -> bool {
+        !self.config.has_driver_pin
     }
 
     pub(crate) fn echo(&self) -> bool {

@@ -34,6 +34,7 @@ mod gpio;
 mod host;
 mod line;
 mod live;
+mod machine;
 mod node;
 mod peripherals;
 mod record;
@@ -43,7 +44,7 @@ mod usart;
 mod vcd;
 mod wire;
 
-pub use bus::{Answer, Bus, BusConfig};
+pub use bus::{Answer, Bus, BusConfig, WireId};
 pub use elf::DataSymbol;
 pub use error::BusError;
 pub use faults::{Campaign, Damage, Fault, Random, received};
@@ -52,6 +53,7 @@ pub use gpio::{Level, Pin};
 pub use host::{Host, HostPort, RxByte, Tx};
 pub use line::{Format, Line, Parity};
 pub use live::{Live, LiveError};
+pub use machine::{Machine, MachineId, Stm32, barrier};
 pub use node::{Nano, Node, Stats, VECTORS, VectorStats};
 pub use record::{
     Conflict, DataEdge, DeEdge, HostId, NodeId, PinEdge, Record, Station, WireByte, WireEdge,

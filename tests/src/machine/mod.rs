@@ -1,0 +1,339 @@
+//! An STM32F405 on the bus: four ports, each on a wire of its own or with others.
+//!
+//! It runs in QEMU, which knows the registers of its USARTs but neither bauds nor pins. Both are made up for here: what the
+//! firmware writes to a data register goes on the wire when it is written, at the rate and in the format that it has set;
+//! what comes from the wire is put into the register when its first stop bit is judged, with its error flags. The beginning
+//! of a character is a falling edge for the external interrupt controller. DE is the pin that the firmware sets.
+//!
+//! Time is exact to the instruction: each takes 8 ns, whatever it does. That is not what each takes in silicon.
+
+mod qemu;
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+
+use crate::bus::WireId;
+use crate::error::BusError;
+use crate::host::{Host, HostPort, RxByte};
+use crate::line::{Format, Line, Parity};
+use crate::record::{HostId, Station};
+use crate::time::{Clock, Time};
+pub use qemu::Access;
+use qemu::Qemu;
+
+/// An STM32 on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MachineId(pub(crate) usize);
+
+/// How to put an STM32 on the bus.
+#[derive(Clone, Debug)]
+pub struct Stm32 {
+    /// Its name in messages.
+    pub name: String,
+    /// The firmware: an ELF file.
+    pub image: PathBuf,
+    /// The barrier of `qemu/barrier.c`, compiled: [`barrier`].
+    pub plugin: PathBuf,
+    /// The wires of AS1, AS2, RS2 and RS4.
+    pub wires: [Option<WireId>; 4],
+}
+
+/// The barrier, where set-up has put it.
+///
+/// # Errors
+/// [`BusError::Machine`] if it is not there.
+pub fn barrier() -> Result<PathBuf, BusError> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let path = root.join("target/qemu/barrier.so");
+    match path.canonicalize() {
+        Ok(path) => Ok(path),
+        Err(_) => Err(BusError::Machine {
+            reason: "target/qemu/barrier.so is missing: cargo xtask setup builds it".to_owned(),
+        }),
+    }
+}
+
+/// What a port is made of.
+struct Usart {
+    /// Where its registers are (RM0090 2.3).
+    base: u64,
+    /// The clock that its rate is divided from, in Hz.
+    clock_hz: u32,
+    /// The line of the external interrupt controller that its RXD is on.
+    exti: u8,
+    /// The bit of GPIOC that is its DE.
+    de: Option<u8>,
+}
+
+/// AS1, AS2, RS2, RS4. The order of `-serial` is that of the first four USARTs.
+const USARTS: [Usart; 4] = [
+    Usart {
+        base: 0x4001_1000,
+        clock_hz: 84_000_000,
+        exti: 10,
+        de: None,
+    },
+    Usart {
+        base: 0x4000_4400,
+        clock_hz: 42_000_000,
+        exti: 3,
+        de: None,
+    },
+    Usart {
+        base: 0x4000_4800,
+        clock_hz: 42_000_000,
+        exti: 11,
+        de: None,
+    },
+    Usart {
+        base: 0x4000_4C00,
+        clock_hz: 42_000_000,
+        exti: 1,
+        de: Some(12),
+    },
+];
+
+/// Registers of a USART (RM0090 30.6).
+const SR: u64 = 0x00;
+const DR: u64 = 0x04;
+const BRR: u64 = 0x08;
+const CR1: u64 = 0x0C;
+const CR2: u64 = 0x10;
+const CR3: u64 = 0x14;
+
+/// Bits of SR.
+const PE: u32 = 1 << 0;
+const FE: u32 = 1 << 1;
+const ORE: u32 = 1 << 3;
+const RXNE: u32 = 1 << 5;
+const TC: u32 = 1 << 6;
+const TXE: u32 = 1 << 7;
+
+/// BSRR of GPIOC (RM0090 8.4.7).
+const GPIOC_BSRR: u64 = 0x4002_0818;
+
+/// Instructions in a second.
+const INSTRUCTIONS_HZ: u32 = 125_000_000;
+
+struct Port {
+    usart: &'static Usart,
+    serial: usize,
+    host: HostId,
+    wire: WireId,
+    brr: u32,
+    cr1: u32,
+    cr2: u32,
+    /// The firmware has not read the last character.
+    unread: bool,
+    /// Error flags stand in SR.
+    flagged: bool,
+    overruns: u64,
+    waiting: VecDeque<RxByte>,
+}
+
+/// What a machine did.
+pub(crate) enum MachineOutput {
+    Line(HostId, Line),
+    Byte(HostId, Time, u8),
+    Drive(HostId, Time, bool),
+}
+
+/// An STM32F405 in QEMU.
+pub struct Machine {
+    name: String,
+    qemu: Qemu,
+    clock: Clock,
+    /// When it was powered up.
+    since: Time,
+    ports: Vec<Port>,
+}
+
+impl Machine {
+    pub(crate) fn new(stm32: Stm32, now: Time) -> Result<Self, BusError> {
+        let mut watched: Vec<_> = USARTS.iter().map(|u| (u.base, u.base + CR3)).collect();
+        watched.push((GPIOC_BSRR, GPIOC_BSRR));
+        let stops: Vec<_> = USARTS.iter().map(|u| u.base + DR).collect();
+        let qemu = Qemu::start(&stm32.image, &stm32.plugin, USARTS.len(), &watched, &stops)?;
+        Ok(Machine {
+            name: stm32.name,
+            qemu,
+            clock: Clock::new(INSTRUCTIONS_HZ, 0),
+            since: now,
+            ports: Vec::new(),
+        })
+    }
+
+    /// The transceiver of a port, until the firmware sets it up.
+    pub(crate) fn host_port(&self, port: usize) -> HostPort {
+        let names = ["AS1", "AS2", "RS2", "RS4"];
+        HostPort {
+            name: format!("{} {}", self.name, names[port]),
+            has_driver_pin: USARTS[port].de.is_some(),
+            ..HostPort::new(Line::n81(38_400))
+        }
+    }
+
+    pub(crate) fn connect(&mut self, port: usize, host: HostId, wire: WireId) {
+        self.ports.push(Port {
+            usart: &USARTS[port],
+            serial: port,
+            host,
+            wire,
+            brr: 0,
+            cr1: 0,
+            cr2: 0,
+            unread: false,
+            flagged: false,
+            overruns: 0,
+            waiting: VecDeque::new(),
+        });
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Instructions executed since it was powered up.
+    pub fn instructions(&self) -> u64 {
+        self.qemu.count()
+    }
+
+    /// The station that a port is on its wire; 0 to 3 are AS1, AS2, RS2, RS4. `None` if it is on no wire.
+    pub fn station(&self, port: usize) -> Option<Station> {
+        let found = self.ports.iter().find(|known| known.serial == port);
+        found.map(|port| Station::Host(port.host))
+    }
+
+    /// Characters that were lost on a port because the firmware had not read the one before.
+    pub fn overruns(&self, port: usize) -> u64 {
+        let found = self.ports.iter().find(|known| known.serial == port);
+        found.map_or(0, |port| port.overruns)
+    }
+
+    pub(crate) fn now(&self) -> Time {
+        self.since + self.clock.time(self.qemu.count())
+    }
+
+    pub(crate) fn hosts(&self) -> impl Iterator<Item = HostId> {
+        self.ports.iter().map(|port| port.host)
+    }
+
+    pub(crate) fn is(&self, station: Station) -> bool {
+        self.hosts().any(|host| Station::Host(host) == station)
+    }
+
+    pub(crate) fn is_on(&self, wire: WireId) -> bool {
+        self.ports.iter().any(|port| port.wire == wire)
+    }
+
+    /// Runs to `limit`, or to the first character that it sends.
+    pub(crate) fn run_to(&mut self, limit: Time) -> Vec<MachineOutput> {
+        let count = self
+            .clock
+            .tick_at_or_after(limit.saturating_sub(self.since));
+        let accesses = self.qemu.run_to(count.max(self.qemu.count() + 1));
+        let mut outputs = Vec::new();
+        for access in accesses {
+            let at = self.since + self.clock.time(access.count);
+            for port in &mut self.ports {
+                outputs.extend(port.accessed(access, at));
+            }
+        }
+        outputs
+    }
+
+    /// What its transceivers have heard; on `began` a character has just begun.
+    pub(crate) fn hear(&mut self, hosts: &mut [Host], began: &[HostId]) {
+        for port in &mut self.ports {
+            port.waiting.extend(hosts[port.host.0].take());
+            while let Some(byte) = port.waiting.pop_front() {
+                port.deliver(&mut self.qemu, byte);
+            }
+            if began.contains(&port.host) {
+                self.qemu.falling_edge(port.usart.exti);
+            }
+        }
+    }
+}
+
+impl Port {
+    fn accessed(&mut self, access: Access, at: Time) -> Option<MachineOutput> {
+        let Some(value) = access.stored else {
+            if access.address == self.usart.base + DR {
+                self.unread = false;
+            }
+            return None;
+        };
+        if access.address == GPIOC_BSRR {
+            // The lower half sets, the upper half resets, and setting has priority.
+            let bit = self.usart.de?;
+            if value >> bit & 1 != 0 {
+                return Some(MachineOutput::Drive(self.host, at, true));
+            }
+            let resets = value >> (16 + bit) & 1 != 0;
+            return resets.then_some(MachineOutput::Drive(self.host, at, false));
+        }
+        match access.address.checked_sub(self.usart.base)? {
+            DR => return Some(MachineOutput::Byte(self.host, at, value as u8)),
+            BRR => self.brr = value,
+            CR1 => self.cr1 = value,
+            CR2 => self.cr2 = value,
+            _ => return None,
+        }
+        self.line().map(|line| MachineOutput::Line(self.host, line))
+    }
+
+    /// Rate and format as they are set, if they are.
+    fn line(&self) -> Option<Line> {
+        let bit = |register: u32, bit: u32| register >> bit & 1 != 0;
+        // RM0090 30.3.4: with eight samples the fraction has three bits.
+        let (divisor, factor) = match bit(self.cr1, 15) {
+            true => ((self.brr & !0xF) + (self.brr & 7) * 2, 2),
+            false => (self.brr, 1),
+        };
+        let baud = (self.usart.clock_hz * factor + divisor / 2).checked_div(divisor)?;
+        let parity = match (bit(self.cr1, 10), bit(self.cr1, 9)) {
+            (false, _) => Parity::None,
+            (true, false) => Parity::Even,
+            (true, true) => Parity::Odd,
+        };
+        Some(Line {
+            baud,
+            format: Format {
+                data_bits: 8 + u8::from(bit(self.cr1, 12)) - u8::from(bit(self.cr1, 10)),
+                parity,
+                stop_bits: if bit(self.cr2, 13) { 2 } else { 1 },
+            },
+        })
+    }
+
+    fn deliver(&mut self, qemu: &mut Qemu, byte: RxByte) {
+        // Receiver and USART are on (RM0090 30.6.4: RE, UE).
+        if self.cr1 & 1 << 2 == 0 || self.cr1 & 1 << 13 == 0 {
+            return;
+        }
+        let status = self.usart.base + SR;
+        if self.unread {
+            self.overruns += 1;
+            self.flagged = true;
+            return qemu.write(status, TXE | TC | RXNE | ORE);
+        }
+        if std::mem::take(&mut self.flagged) {
+            qemu.write(status, TXE | TC);
+        }
+        qemu.deliver(self.serial, self.usart.base, byte.value);
+        self.unread = true;
+        let mut flags = 0;
+        if byte.framing_error {
+            flags |= FE;
+        }
+        if byte.parity_error {
+            flags |= PE;
+        }
+        if flags != 0 {
+            self.flagged = true;
+            qemu.write(status, TXE | TC | RXNE | flags);
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! A QEMU process that runs exactly as far as it is told: the STM32F405 of the machine `olimex-stm32-h405`.
+//!
+//! See `qemu/barrier.c` for how it is held. Whatever is done to it is done while its CPU stands still.
+
+use std::io::{Read, Write};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::error::BusError;
+
+/// What the program is called.
+const PROGRAM: &str = "qemu-system-arm";
+
+/// How long to wait for the process to connect, or for it to answer: far more than it needs.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A load or store of the firmware to a watched address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Access {
+    /// Instructions executed, this one included.
+    pub count: u64,
+    /// Where to, or where from.
+    pub address: u64,
+    /// What was stored; `None` for a load.
+    pub stored: Option<u32>,
+}
+
+/// The process.
+pub struct Qemu {
+    child: Child,
+    barrier: UnixStream,
+    qtest: UnixStream,
+    serials: Vec<UnixStream>,
+    count: u64,
+    /// Holds the sockets.
+    _folder: tempfile::TempDir,
+}
+
+/// The status register of a USART, and its flag that a character has come (RM0090 30.6.1).
+const SR: u64 = 0x00;
+const RXNE: u8 = 1 << 5;
+
+/// Kinds of messages of the plugin.
+const STORE: u64 = 1;
+const STOPPED: u64 = 2;
+const LOAD: u64 = 3;
+
+impl Qemu {
+    /// Starts `image` with `serials` USARTs on sockets; its CPU stands before the first instruction. `plugin` is the
+    /// barrier, compiled; accesses to `watched` addresses are told, and a store to one of `stops` stops it as well.
+    pub fn start(
+        image: &Path,
+        plugin: &Path,
+        serials: usize,
+        watched: &[(u64, u64)],
+        stops: &[u64],
+    ) -> Result<Self, BusError> {
+        let failed = |reason: String| BusError::Machine { reason };
+        if !image.is_file() {
+            return Err(BusError::Read {
+                path: image.to_path_buf(),
+                source: std::io::ErrorKind::NotFound.into(),
+            });
+        }
+        let folder = tempfile::tempdir().map_err(|error| failed(error.to_string()))?;
+        let listen = |name: &str| -> Result<(PathBuf, UnixListener), BusError> {
+            let path = folder.path().join(name);
+            let listener = UnixListener::bind(&path)
+                .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
+                .map_err(|error| failed(error.to_string()))?;
+            Ok((path, listener))
+        };
+        let (barrier_path, barrier) = listen("barrier")?;
+        let (qtest_path, qtest) = listen("qtest")?;
+        let ports = (0..serials)
+            .map(|index| listen(&format!("serial{index}")))
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut plugin = format!("{},socket={}", plugin.display(), barrier_path.display());
+        for (first, last) in watched {
+            plugin.push_str(&format!(",watch={first:x}-{last:x}"));
+        }
+        for address in stops {
+            plugin.push_str(&format!(",stop={address:x}"));
+        }
+        let mut command = Command::new(PROGRAM);
+        command
+            .args(["-M", "olimex-stm32-h405", "-kernel"])
+            .arg(image)
+            .args(["-nodefaults", "-display", "none", "-monitor", "none"])
+            // 8 ns an instruction; the clock follows the instructions and nothing else.
+            .args(["-accel", "tcg", "-icount", "shift=3,sleep=off"])
+            .args(["-plugin", &plugin, "-qtest-log", "none", "-qtest"])
+            .arg(format!("unix:{}", qtest_path.display()))
+            .stdin(Stdio::null())
+            .stdout(Stdio::null());
+        for (path, _) in &ports {
+            command
+                .arg("-serial")
+                .arg(format!("unix:{}", path.display()));
+        }
+        let mut child = command
+            .spawn()
+            .map_err(|error| failed(format!("{PROGRAM}: {error}")))?;
+        let mut accept = |listener: &UnixListener| accept(listener, &mut child).map_err(failed);
+        let barrier = accept(&barrier)?;
+        let qtest = accept(&qtest)?;
+        let serials = ports
+            .iter()
+            .map(|(_, listener)| accept(listener))
+            .collect::<Result<_, _>>()?;
+        let mut qemu = Qemu {
+            child,
+            barrier,
+            qtest,
+            serials,
+            count: 0,
+            _folder: folder,
+        };
+        qemu.until_stopped(&mut Vec::new());
+        Ok(qemu)
+    }
+
+    /// Instructions executed.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Runs to the first block of instructions that begins at `count` or later, or to the one behind a store that
+    /// stops it, whichever comes first. Gives what was accessed, in order.
+    ///
+    /// # Panics
+    /// If the process is gone.
+    pub fn run_to(&mut self, count: u64) -> Vec<Access> {
+        let mut accesses = Vec::new();
+        if count > self.count {
+            self.barrier
+                .write_all(&count.to_ne_bytes())
+                .expect("QEMU runs");
+            self.until_stopped(&mut accesses);
+        }
+        accesses
+    }
+
+    fn until_stopped(&mut self, accesses: &mut Vec<Access>) {
+        loop {
+            let mut words = [[0; 8]; 4];
+            self.barrier
+                .read_exact(words.as_flattened_mut())
+                .expect("QEMU runs");
+            let [kind, count, address, value] = words.map(u64::from_ne_bytes);
+            match kind {
+                STOPPED => {
+                    self.count = count;
+                    return;
+                }
+                STORE | LOAD => accesses.push(Access {
+                    count,
+                    address,
+                    stored: (kind == STORE).then_some(value as u32),
+                }),
+                _ => unreachable!("the barrier has three kinds of messages"),
+            }
+        }
+    }
+
+    /// One command of QEMU's test protocol; when the answer is there, the machine has done all that was asked before.
+    fn command(&mut self, command: &str) -> String {
+        self.qtest
+            .write_all(format!("{command}\n").as_bytes())
+            .expect("QEMU runs");
+        let mut answer = Vec::new();
+        let mut some = [0; 64];
+        while answer.last() != Some(&b'\n') {
+            let len = self.qtest.read(&mut some).expect("QEMU runs");
+            assert!(len > 0, "QEMU is gone");
+            answer.extend(&some[..len]);
+        }
+        String::from_utf8_lossy(&answer).trim_end().to_owned()
+    }
+
+    /// Reads a register of a device.
+    fn read(&mut self, address: u64) -> u32 {
+        let answer = self.command(&format!("readl {address:#x}"));
+        let value = answer.strip_prefix("OK 0x");
+        let value = value.and_then(|digits| u64::from_str_radix(digits, 16).ok());
+        value.unwrap_or_else(|| panic!("readl was answered {answer}")) as u32
+    }
+
+    /// Sets a register of a device.
+    pub fn write(&mut self, address: u64, value: u32) {
+        self.command(&format!("writel {address:#x} {value:#x}"));
+    }
+
+    /// Lets a pin fall, as the external interrupt controller sees it.
+    pub fn falling_edge(&mut self, line: u8) {
+        self.command(&format!(
+            "set_irq_in /machine/soc/exti unnamed-gpio-in {line} 0"
+        ));
+    }
+
+    /// Puts a character into the USART at this address, which must have room for it: the one before was read.
+    ///
+    /// # Panics
+    /// If it does not take it.
+    pub fn deliver(&mut self, serial: usize, usart: u64, byte: u8) {
+        self.serials[serial].write_all(&[byte]).expect("QEMU runs");
+        let start = Instant::now();
+        // The main loop takes it from the socket whenever it comes to it; the machine's own time stands still meanwhile.
+        while self.read(usart + SR) & u32::from(RXNE) == 0 {
+            assert!(start.elapsed() < PATIENCE, "the USART takes nothing");
+        }
+    }
+}
+
+impl Drop for Qemu {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn accept(listener: &UnixListener, child: &mut Child) -> Result<UnixStream, String> {
+    let start = Instant::now();
+    loop {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                let blocking = stream.set_nonblocking(false);
+                return blocking.map(|()| stream).map_err(|e| e.to_string());
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
+            Err(error) => return Err(error.to_string()),
+        }
+        if let Ok(Some(status)) = child.try_wait() {
+            return Err(format!("{PROGRAM} ended with {status}"));
+        }
+        if start.elapsed() > PATIENCE {
+            return Err(format!("{PROGRAM} does not connect"));
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}

@@ -182,18 +182,23 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Judge<R, C, V> {
 
     fn load(&mut self, script: &mut Script<'_>) {
         let number = script.byte() % 30;
+        let is_array = matches!(number, 3 | 4 | 18..=21);
         let index = match script.byte() {
             255 => script.word(),
-            byte => byte.into(),
+            byte if is_array => byte.into(),
+            _ => 0,
         };
         let value = match script.byte() % 4 {
             0 => script.byte().into(),
             1 => u32::from(script.word()),
-            2 => 65_530 + u32::from(script.byte() % 16),
+            // Where an array runs past the end: REGS, or COILS alone.
+            2 => {
+                [65_530, 65_400, 63_525, 64_000][usize::from(script.byte() % 4)]
+                    + u32::from(script.byte() % 16)
+            }
             _ => u32::from(script.word()) << 16 | u32::from(script.word()),
         };
         let Some(register) = Register::from_number(number, index) else {
-            let is_array = matches!(number, 3 | 4 | 18..=21);
             assert!(number > 27 || index > if is_array { 255 } else { 0 });
             return;
         };

@@ -14,6 +14,7 @@ use embassy_avr_hal::usart::{Framings, RtuAndAscii, Settings, Usart0};
 use multidrop_firmware::PortConfig;
 use multidrop_firmware::line::LineError;
 use multidrop_firmware::protocol::message::Message;
+use multidrop_firmware::protocol::port_registers::{Duplex, Flow};
 
 /// The CPU clock: the Nano's 16 MHz crystal if not built otherwise.
 pub const CLOCK_HZ: u32 = options::clock(16_000_000);
@@ -34,6 +35,18 @@ pub type Rs485Ascii = Usart0<De, CLOCK_HZ, RtuAndAscii>;
 /// Line settings of a port at the Nano's clock, for a `const`: what the chip cannot do stops the
 /// build.
 pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
+    let line = &port.settings().line;
+    if matches!(line.duplex, Duplex::Full) {
+        port.wrong("duplex", 1, "must be 0 (half): the line has a DE pin", None);
+    }
+    if matches!(line.flow, Flow::RtsCts) {
+        port.wrong(
+            "flow",
+            1,
+            "must be 0 (none): the ATmega328P has no RTS and CTS",
+            None,
+        );
+    }
     match Settings::new(&port.line(), CLOCK_HZ) {
         Ok(settings) => settings,
         Err(LineError::Baud { nearest }) => port.wrong(

@@ -2,11 +2,15 @@
 
 use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::message::Message;
+use multidrop_protocol::port_registers::{Duplex, Flow, LineSettings, Mode, Settings};
+use multidrop_protocol::registers::{Bank, CoilBank};
 
+use crate::client::ClientConfig;
 use crate::line::{InterCharacter, LineConfig, Role};
 
 /// Configuration of one port, built in a `const`: a wrong value stops the build with a message that
-/// names port, field and value.
+/// names port, field and value. Fields are named after the registers `MB_xxx` of a
+/// managed port, which begins with them; each is checked against those set before it.
 ///
 /// ```
 /// use multidrop_firmware::PortConfig;
@@ -21,8 +25,7 @@ use crate::line::{InterCharacter, LineConfig, Role};
 #[derive(Clone, Copy, Debug)]
 pub struct PortConfig {
     name: &'static str,
-    slave_id: u8,
-    line: LineConfig,
+    settings: Settings,
 }
 
 impl PortConfig {
@@ -32,26 +35,90 @@ impl PortConfig {
     pub const fn new(name: &'static str) -> Self {
         Self {
             name,
-            slave_id: 1,
-            line: LineConfig {
-                baud: 19_200,
-                framing: Framing::Rtu,
-                format: LineFormat::F8E1,
-                inter_character: InterCharacter::Strict,
-                role: Role::Server,
-            },
+            settings: Settings::DEFAULT,
         }
     }
 
-    /// The unit id that a slave answers to: 1..=247 (SER 2.2).
+    /// Master, slave, or off.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, for a slave whose `slave_id` is 0.
+    pub const fn mode(mut self, mode: Mode) -> Self {
+        if matches!(mode, Mode::Slave) && self.settings.slave_id == 0 {
+            self.wrong("slave_id", 0, "must be 1..=247 for a slave", None);
+        }
+        self.settings.mode = mode;
+        self
+    }
+
+    /// A client, in place of a server: mode master. `slave_id` is that of the slave it asks.
+    pub const fn client(self) -> Self {
+        self.mode(Mode::Master)
+    }
+
+    /// The unit id that a slave answers to: 1..=247 (SER 2.2). Of a master the unit that it asks: 0..=247, 0
+    /// for a broadcast.
     ///
     /// # Panics
     /// At compile time, with port and value, if it is out of range.
     pub const fn slave_id(mut self, id: u32) -> Self {
-        if id < 1 || id > 247 {
-            self.wrong("slave_id", id, "must be 1..=247", None);
+        match self.settings.mode {
+            Mode::Slave if id < 1 || id > 247 => {
+                self.wrong("slave_id", id, "must be 1..=247", None);
+            }
+            _ if id > 247 => self.wrong("slave_id", id, "must be 0..=247", None),
+            _ => {}
         }
-        self.slave_id = id as u8;
+        self.settings.slave_id = id as u8;
+        self
+    }
+
+    /// The address of the first item of the port's dense arrays. Set it before [`bank`](Self::bank) and
+    /// [`coil_bank`](Self::coil_bank).
+    ///
+    /// # Panics
+    /// At compile time, with port and value, above 65535.
+    pub const fn base(mut self, base: u32) -> Self {
+        if base > 65_535 {
+            self.wrong("base", base, "must be 0..=65535", None);
+        }
+        self.settings.base = base as u16;
+        self
+    }
+
+    /// How long a master waits for an answer, in ms.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, outside of 1..=65535.
+    pub const fn timeout_ms(mut self, ms: u32) -> Self {
+        if ms < 1 || ms > 65_535 {
+            self.wrong("timeout_ms", ms, "must be 1..=65535", None);
+        }
+        self.settings.timeout_ms = ms as u16;
+        self
+    }
+
+    /// How often a master asks again.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, above 255.
+    pub const fn retries(mut self, retries: u32) -> Self {
+        if retries > 255 {
+            self.wrong("retries", retries, "must be 0..=255", None);
+        }
+        self.settings.retries = retries as u8;
+        self
+    }
+
+    /// How long a master sends nothing after a broadcast, in ms (SER 2.4.1).
+    ///
+    /// # Panics
+    /// At compile time, with port and value, above 65535.
+    pub const fn turnaround_ms(mut self, ms: u32) -> Self {
+        if ms > 65_535 {
+            self.wrong("turnaround_ms", ms, "must be 0..=65535", None);
+        }
+        self.settings.turnaround_ms = ms as u16;
         self
     }
 
@@ -60,40 +127,96 @@ impl PortConfig {
     /// # Panics
     /// At compile time, with port and value, below 300 or above 10 000 000.
     pub const fn baud(mut self, baud: u32) -> Self {
-        if baud < 300 || baud > 10_000_000 {
+        if baud < Settings::BAUD.0 || baud > Settings::BAUD.1 {
             self.wrong("baud", baud, "must be 300..=10000000", None);
         }
-        self.line.baud = baud;
+        self.settings.line.baud = baud;
         self
     }
 
-    /// Character format. RTU needs 8 data bits (SER 2.5.1).
+    /// RTU or ASCII. Set it before the format: seven data bits are for ASCII.
     ///
     /// # Panics
-    /// At compile time, with port and value, for a format of 7 data bits.
+    /// At compile time, with port and value, for RTU with a format of 7 data bits.
+    pub const fn framing(mut self, framing: Framing) -> Self {
+        self.settings.line.framing = framing;
+        self.check_data_bits()
+    }
+
+    /// Character format. RTU needs 8 data bits (SER 2.5.1), ASCII has 7E1 as default (SER 2.5.2).
+    ///
+    /// # Panics
+    /// At compile time, with port and value, for a format of 7 data bits with RTU.
     pub const fn format(mut self, format: LineFormat) -> Self {
-        if format.data_bits() != 8 {
+        self.settings.line.format = format;
+        self.check_data_bits()
+    }
+
+    const fn check_data_bits(self) -> Self {
+        let line = self.settings.line;
+        if matches!(line.framing, Framing::Rtu) && line.format.data_bits() != 8 {
             self.wrong(
                 "format: data bits",
-                format.data_bits() as u32,
+                line.format.data_bits() as u32,
                 "must be 8 for RTU",
                 None,
             );
         }
-        self.line.format = format;
+        self
+    }
+
+    /// Half or full duplex. Whether the port is wired so is checked by the board.
+    pub const fn duplex(mut self, duplex: Duplex) -> Self {
+        self.settings.line.duplex = duplex;
+        self
+    }
+
+    /// Hardware flow control. Whether the chip has it is checked by the board.
+    pub const fn flow(mut self, flow: Flow) -> Self {
+        self.settings.line.flow = flow;
         self
     }
 
     /// The rule for gaps inside a frame.
     pub const fn inter_character(mut self, rule: InterCharacter) -> Self {
-        self.line.inter_character = rule;
+        self.settings.line.strict = matches!(rule, InterCharacter::Strict);
         self
     }
 
-    /// A client, in place of a server: the unit id is that of the unit it asks.
-    pub const fn client(mut self) -> Self {
-        self.line.role = Role::Client;
-        self
+    /// `N` registers from `base` on.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, if they run past address 65535.
+    pub const fn bank<const N: usize>(&self) -> Bank<N> {
+        self.check_end(N as u32, " registers");
+        Bank::new(self.settings.base)
+    }
+
+    /// `count` coils from `base` on, in `BYTES` bytes.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, if they run past address 65535, or there are none, or more than
+    /// there are bits.
+    pub const fn coil_bank<const BYTES: usize>(&self, count: u16) -> CoilBank<BYTES> {
+        self.check_end(count as u32, " coils");
+        CoilBank::new(self.settings.base, count)
+    }
+
+    const fn check_end(&self, count: u32, items: &str) {
+        let base = self.settings.base as u32;
+        if count > 65_536 - base {
+            Message::new()
+                .text("port ")
+                .text(self.name)
+                .text(": base is ")
+                .number(base)
+                .text(", must be at most ")
+                .number(65_536_u32.saturating_sub(count))
+                .text(" for ")
+                .number(count)
+                .text(items)
+                .fail();
+        }
     }
 
     /// The port's name.
@@ -103,12 +226,22 @@ impl PortConfig {
 
     /// The unit id of a slave, or of the slave that a master asks.
     pub const fn unit(&self) -> u8 {
-        self.slave_id
+        self.settings.slave_id
+    }
+
+    /// All settings.
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// The line settings.
     pub const fn line(&self) -> LineConfig {
-        self.line
+        line_config(self.settings.mode, &self.settings.line)
+    }
+
+    /// How long the port's client waits, and how often it tries.
+    pub const fn times(&self) -> ClientConfig {
+        client_config(&self.settings)
     }
 
     /// Stops the build: `port NAME: FIELD is VALUE, RULE`, and `, nearest is N` if there is one. For the
@@ -128,4 +261,30 @@ impl PortConfig {
             None => message.fail(),
         }
     }
+}
+
+/// What a line has to be set up to for these settings.
+pub(crate) const fn line_config(mode: Mode, line: &LineSettings) -> LineConfig {
+    LineConfig {
+        baud: line.baud,
+        framing: line.framing,
+        format: line.format,
+        inter_character: if line.strict {
+            InterCharacter::Strict
+        } else {
+            InterCharacter::Off
+        },
+        role: match mode {
+            Mode::Master => Role::Client,
+            Mode::Slave | Mode::Off => Role::Server,
+        },
+    }
+}
+
+/// The times of a client with these settings.
+pub(crate) const fn client_config(settings: &Settings) -> ClientConfig {
+    ClientConfig::new()
+        .timeout_ms(settings.timeout_ms)
+        .retries(settings.retries)
+        .turnaround_ms(settings.turnaround_ms)
 }

@@ -16,6 +16,7 @@ use core::future::Future;
 
 pub use multidrop_protocol::Adu;
 use multidrop_protocol::format::{Framing, LineFormat};
+use multidrop_protocol::port_registers::Duplex;
 use multidrop_protocol::rtu::Flaws;
 
 /// Whether a gap of more than 1.5 characters inside a frame makes it bad (SER 2.5.1.1).
@@ -80,6 +81,12 @@ pub enum TransmitError {
 /// Methods below the heading of [`Frame`] are called through it only. Implementations are shared
 /// between two tasks of one executor: at most one future of each method exists at a time.
 pub trait Line: Sized {
+    /// How the port is wired: a line that enables a driver is for one pair of wires.
+    const DUPLEX: Duplex = Duplex::Half;
+
+    /// Whether it has RTS and CTS.
+    const RTS_CTS: bool = false;
+
     /// Waits for the next frame with a good CRC or LRC and lends it, provisional (see the module). No
     /// task is woken per byte.
     ///

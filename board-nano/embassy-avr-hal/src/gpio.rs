@@ -5,6 +5,7 @@
 use core::convert::Infallible;
 
 use embedded_hal::digital::{ErrorType, InputPin, OutputPin, StatefulOutputPin};
+use multidrop_firmware::protocol::port_registers::Duplex;
 
 /// A pin of the chip. Sealed: the types in this module are all there are.
 pub trait Pin: sealed::Sealed {
@@ -147,6 +148,8 @@ impl<P: Pin> InputPin for Input<P> {
 
 /// A data enable pin of an RS-485 transceiver, driven by the line's interrupts; or [`NoDe`].
 pub trait DriverEnable {
+    /// What the wires are for: with a driver to enable for one pair.
+    const DUPLEX: Duplex = Duplex::Half;
     /// Makes the pin an output, low.
     fn init();
     /// Lets the transceiver drive the bus.
@@ -176,6 +179,8 @@ impl<P: Pin> DriverEnable for P {
 pub struct NoDe;
 
 impl DriverEnable for NoDe {
+    const DUPLEX: Duplex = Duplex::Full;
+
     fn init() {}
     #[inline(always)]
     fn raise() {}

@@ -23,6 +23,7 @@ use core::marker::PhantomData;
 use core::task::{Context, Poll};
 
 use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
+use multidrop_firmware::protocol::port_registers::Duplex;
 use multidrop_firmware::protocol::rtu::Flaws;
 
 use crate::executor;
@@ -172,6 +173,8 @@ fn release<DE: DriverEnable, F: Framings>(len: u8) {
 }
 
 impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLOCK_HZ, F> {
+    const DUPLEX: Duplex = DE::DUPLEX;
+
     async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
         poll_fn(|context| poll_heard(context))
             .await

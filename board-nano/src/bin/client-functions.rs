@@ -62,7 +62,7 @@ const PORT: PortConfig = PortConfig::new("RS4")
 bind_usart0!(Rs485);
 bind_time!(CLOCK_HZ);
 
-/// One task asks, nobody has to wait.
+/// One task asks.
 type Port = ClientPort<Rs485, 1>;
 
 const UNIT: u8 = PORT.unit();

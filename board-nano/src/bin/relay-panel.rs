@@ -54,12 +54,12 @@ const FIRST: u16 = 1;
 bind_usart0!(Rs485);
 bind_time!(CLOCK_HZ);
 
-/// Two tasks ask: one waits while the other is answered.
-type Port = ClientPort<Rs485, 1>;
+/// Two tasks ask.
+type Port = ClientPort<Rs485, 2>;
 
 /// What the tasks share.
 struct Panel {
-    client: Client<Rs485, 1>,
+    client: Client<Rs485, 2>,
     leds: RefCell<(Output<PD5>, Output<PD6>)>,
     /// The state of the relays as it was last heard.
     on: Cell<Option<[bool; COUNT]>>,

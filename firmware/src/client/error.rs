@@ -11,7 +11,7 @@ use multidrop_protocol::rtu::Flaws;
 pub enum ClientError {
     /// The request is outside the limits of the standard; nothing was sent.
     Request(RequestError),
-    /// More requests wait for their turn than the `N` of the port; nothing was sent.
+    /// More tasks ask than the `N` of the port; nothing was sent.
     QueueFull,
     /// The line was not silent for as long as the timeout; nothing was sent.
     NoSilence,
@@ -93,7 +93,7 @@ impl fmt::Display for ClientError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Request(error) => write!(f, "not sent: {error}"),
-            Self::QueueFull => f.write_str("not sent: too many requests wait for their turn"),
+            Self::QueueFull => f.write_str("not sent: more tasks ask than the port is for"),
             Self::NoSilence => f.write_str("not sent: the line was not silent"),
             Self::Exception(exception) => {
                 write!(f, "exception {:02X}: {exception:?}", exception.code())

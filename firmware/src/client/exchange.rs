@@ -17,8 +17,9 @@ pub(super) type Heard<L> = Result<Frame<'static, L>, Flaws>;
 /// The right to the line, held by one request at a time.
 pub(super) type Turn<const N: usize> = SemaphoreReleaser<'static, FairSemaphore<NoopRawMutex, N>>;
 
-/// The turns of the clients of one port, and the way of what is heard to the one that waits for it. `N`
-/// requests may wait for their turn.
+/// The turns of the clients of one port, and the way of what is heard to the one that waits for it. `N` tasks may
+/// ask, at least 1: one that has just been answered and asks again waits behind those that wait, and one
+/// of them still has its place in the queue.
 pub struct Exchange<L: Line + 'static, const N: usize> {
     turn: FairSemaphore<NoopRawMutex, N>,
     heard: Signal<NoopRawMutex, Heard<L>>,

@@ -6,7 +6,7 @@
 //! else; [`client_receive`] is its task.
 //!
 //! ```ignore
-//! static PORT: StaticCell<ClientPort<Rs485, 2>> = StaticCell::new();
+//! static PORT: StaticCell<ClientPort<Rs485, 1>> = StaticCell::new();
 //! let port = PORT.init(ClientPort::new(line));
 //! spawner.spawn(receive(port).unwrap()); // client_receive(port).await
 //! let client = port.client(ClientConfig::new().timeout_ms(150).retries(1));
@@ -29,9 +29,9 @@
 //! # Answers that come too late
 //!
 //! What is heard while nobody waits is dropped, and no request starts before the line is silent. An answer
-//! that comes after its timeout *and* after the next request has gone out can be told from the answer to that
-//! one only by what it is: unit, function, length, echo. There is nothing else in a Modbus frame. Where that is
-//! not enough, make the timeout longer than the server ever takes.
+//! that comes after its timeout, or a second time, *and* after the next request has gone out can be told from
+//! the answer to that one only by what it is: unit, function, length, echo. There is nothing else in a Modbus
+//! frame. Where that is not enough, make the timeout longer than the server ever takes.
 //!
 //! A request that is given up by dropping its future still has an answer to come. The next one, from
 //! whatever task, waits for it: until it comes or its timeout is over.
@@ -120,8 +120,8 @@ const fn ticks(ms: u16) -> u32 {
     }
 }
 
-/// The right to send requests on one port, for any number of tasks. `N` is how many requests may wait
-/// while one runs: one less than there are tasks is enough.
+/// The right to send requests on one port, for `N` tasks, at least 1: they take turns in the order in which
+/// they ask. If more than `N` want the line at once, one may be refused ([`ClientError::QueueFull`]).
 ///
 /// Every method gives the right answer's data, or [`ClientError`].
 ///

@@ -3,7 +3,7 @@
 use super::{Client, ClientConfig, Exchange};
 use crate::line::Line;
 
-/// The line of a client and what the tasks that use it share. `N` requests may wait while one runs.
+/// The line of a client and what the tasks that use it share. `N` tasks may ask, at least 1.
 pub struct ClientPort<L: Line + 'static, const N: usize> {
     line: L,
     exchange: Exchange<L, N>,

@@ -13,7 +13,7 @@
 use embassy_avr_hal::gpio::{PD2, Pins};
 use embassy_avr_hal::usart::{RtuAndAscii, Settings, Usart0};
 use embassy_avr_hal::{bind_usart0, executor, pac};
-use multidrop_firmware::line::{InterCharacter, Line, LineConfig};
+use multidrop_firmware::line::{InterCharacter, Line, LineConfig, Role};
 use multidrop_firmware::protocol::format::{Framing, LineFormat};
 use multidrop_firmware::protocol::rtu::Flaws;
 
@@ -28,6 +28,7 @@ const START: LineConfig = LineConfig {
     framing: Framing::Ascii,
     format: LineFormat::F7E1,
     inter_character: InterCharacter::Strict,
+    role: Role::Server,
 };
 
 type Rs485 = Usart0<PD2, CLOCK_HZ, RtuAndAscii>;

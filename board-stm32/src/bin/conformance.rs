@@ -1,0 +1,57 @@
+//! Every function over a fixed map, for conformance tests: unit 17 on RS4, at 38400 baud, RTU 8N1 or ASCII 7E1,
+//! if not built otherwise.
+#![no_std]
+#![no_main]
+
+use board_stm32::ports::PortSettings;
+use board_stm32::usart::Usart;
+use board_stm32::{info, options};
+use multidrop_firmware::conformance::{Conformance, EVENTS, UNIT};
+use multidrop_firmware::protocol::format::{Framing, LineFormat};
+use multidrop_firmware::protocol::server::Counted;
+use multidrop_firmware::{PortConfig, Shared};
+use static_cell::{ConstStaticCell, StaticCell};
+
+/// With 32 records in file 4.
+type Model = Shared<Conformance<32>>;
+type Port = multidrop_firmware::Port<Usart, Counted<EVENTS>>;
+
+const FRAMING: (Framing, LineFormat) = if options::ascii() {
+    (Framing::Ascii, LineFormat::F7E1)
+} else {
+    (Framing::Rtu, LineFormat::F8N1)
+};
+
+const PORT: PortConfig = PortConfig::new("RS4")
+    .slave_id(UNIT)
+    .baud(options::baud(38_400))
+    .framing(FRAMING.0)
+    .format(options::format(FRAMING.1));
+
+#[embassy_executor::task]
+async fn receive(port: &'static Port) -> ! {
+    multidrop_firmware::receive(port).await
+}
+
+#[embassy_executor::task]
+async fn serve(port: &'static Port, model: &'static Model) -> ! {
+    multidrop_firmware::serve(port, model).await
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let board = board_stm32::init();
+    let line = board.rs4.open(const { PortSettings::new(&PORT) });
+    info!("conformance: unit {} on RS4", UNIT);
+
+    static PORT_CELL: StaticCell<Port> = StaticCell::new();
+    let port = PORT_CELL.init(Port::counted(line, &PORT));
+    // Where it is built is where it stays: it is too much to move.
+    static MODEL: ConstStaticCell<Model> =
+        ConstStaticCell::new(Shared::new(Conformance::new("stm32")));
+    let model = MODEL.take();
+    board_stm32::run(|spawner| {
+        spawner.spawn(receive(port).unwrap());
+        spawner.spawn(serve(port, model).unwrap());
+    })
+}

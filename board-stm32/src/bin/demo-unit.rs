@@ -1,0 +1,44 @@
+//! The demonstration unit: a remote output module on RS4. Copy this file to begin a project of your own.
+#![no_std]
+#![no_main]
+
+use board_stm32::demo_unit::DemoUnit;
+use board_stm32::ports::PortSettings;
+use board_stm32::usart::Usart;
+use board_stm32::{info, options, show_outputs};
+use multidrop_firmware::protocol::format::LineFormat;
+use multidrop_firmware::{Port, PortConfig, Shared};
+use static_cell::StaticCell;
+
+// Everything there is to set. A value that cannot work does not compile.
+const PORT: PortConfig = PortConfig::new("RS4")
+    .slave_id(options::unit(1))
+    .baud(options::baud(38_400))
+    .format(options::format(LineFormat::F8N1));
+
+/// Takes frames from the line.
+#[embassy_executor::task]
+async fn receive(port: &'static Port<Usart>) -> ! {
+    multidrop_firmware::receive(port).await
+}
+
+/// Answers requests.
+#[embassy_executor::task]
+async fn serve(port: &'static Port<Usart>) -> ! {
+    let unit = Shared::new(DemoUnit::new(show_outputs));
+    multidrop_firmware::serve(port, &unit).await
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let board = board_stm32::init();
+    let line = board.rs4.open(const { PortSettings::new(&PORT) });
+    info!("demo-unit: unit {} on RS4", PORT.unit());
+
+    static PORT_CELL: StaticCell<Port<Usart>> = StaticCell::new();
+    let port = PORT_CELL.init(Port::new(line, &PORT));
+    board_stm32::run(|spawner| {
+        spawner.spawn(receive(port).unwrap());
+        spawner.spawn(serve(port).unwrap());
+    })
+}

@@ -1,0 +1,78 @@
+//! What an application does with the board: [`init`], open the ports it uses, [`run`] its tasks.
+
+use core::marker::PhantomData;
+use core::sync::atomic::{AtomicBool, Ordering};
+
+#[cfg(feature = "defmt")]
+use defmt_rtt as _;
+use embassy_executor::{Executor, Spawner};
+use static_cell::StaticCell;
+
+use crate::demo_unit::LEDS;
+use crate::platform;
+use crate::ports::{As1, As2, Port, PortSettings, Rs2, Rs4};
+use crate::usart::{Usart, registers};
+
+/// A port not opened yet: its pins are inputs.
+pub struct Closed<P>(PhantomData<P>);
+
+impl<P: Port> Closed<P> {
+    /// Sets the port up: pins with DE low, then receiver and transmitter on. The bus is not driven. It
+    /// listens once the bus was silent for t3.5.
+    pub fn open(self, settings: PortSettings<P>) -> Usart {
+        Usart::open(P::INDEX, settings.line, settings.handshake)
+    }
+}
+
+/// The four ports.
+pub struct Board {
+    /// USART1.
+    pub as1: Closed<As1>,
+    /// USART2.
+    pub as2: Closed<As2>,
+    /// USART3.
+    pub rs2: Closed<Rs2>,
+    /// UART4, with DE.
+    pub rs4: Closed<Rs4>,
+}
+
+/// Starts clocks, timers and interrupts. The first thing in `main`.
+///
+/// # Panics
+/// The second time.
+pub fn init() -> Board {
+    static DONE: AtomicBool = AtomicBool::new(false);
+    assert!(!DONE.swap(true, Ordering::Relaxed));
+    registers::enable_clocks();
+    platform::init();
+    Board {
+        as1: Closed(PhantomData),
+        as2: Closed(PhantomData),
+        rs2: Closed(PhantomData),
+        rs4: Closed(PhantomData),
+    }
+}
+
+/// Runs tasks for ever; the CPU sleeps between them, except in QEMU. `init` spawns the first of them.
+///
+/// # Panics
+/// The second time.
+pub fn run(init: impl FnOnce(Spawner)) -> ! {
+    static EXECUTOR: StaticCell<Executor> = StaticCell::new();
+    EXECUTOR.init(Executor::new()).run(init)
+}
+
+/// The demonstration unit's outputs: bits 0 to 12 on PC0 to PC12, which the first call makes outputs.
+pub fn show_outputs(outputs: u16) {
+    static OUTPUTS: AtomicBool = AtomicBool::new(false);
+    registers::write_gpioc(LEDS, outputs);
+    if !OUTPUTS.swap(true, Ordering::Relaxed) {
+        registers::outputs_on_gpioc(LEDS);
+    }
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    // Never linked: `panic = "immediate-abort"`.
+    loop {}
+}

@@ -1,0 +1,159 @@
+//! The chip itself: 168 MHz from a crystal of 8 MHz, TIM5's four compare channels as alarms.
+
+use embassy_stm32::interrupt;
+use embassy_stm32::interrupt::{InterruptExt, Priority};
+use embassy_stm32::pac::{self, TIM5};
+use embassy_stm32::rcc::{
+    AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource,
+    Sysclk,
+};
+use embassy_stm32::time::Hertz;
+
+use crate::ports::{APB1_HZ, APB2_HZ, PORTS};
+use crate::usart;
+use crate::usart::registers::Registers;
+use crate::usart::settings::Settings;
+
+/// The crystal. For another one change PREDIV with it: HSE / PREDIV must be 1 or 2 MHz (RM0090 7.3.2).
+const HSE: Hertz = Hertz(8_000_000);
+const PREDIV: PllPreDiv = PllPreDiv::DIV4;
+
+/// TIM5 is clocked with twice APB1 (RM0090 6.2, figure 21), and divided by two.
+const PRESCALER: u16 = 2;
+const _: () = assert!(2 * APB1_HZ / PRESCALER as u32 == crate::TICK_HZ);
+
+/// CC1 of TIM5's SR, DIER and EGR (RM0090 18.4.4 to 18.4.6); those of the other channels follow it.
+const CC1: u32 = 1 << 1;
+
+/// Bits of a USART's SR (RM0090 30.6.1).
+const TC: u32 = 1 << 6;
+const TXE: u32 = 1 << 7;
+
+/// Clocks, `embassy-time`, the alarms' timer and the interrupts of the line.
+pub(crate) fn init() {
+    let mut config = embassy_stm32::Config::default();
+    config.rcc.hse = Some(Hse {
+        freq: HSE,
+        mode: HseMode::Oscillator,
+    });
+    config.rcc.pll_src = PllSource::HSE;
+    // 2 MHz * 168 / 2 = 168 MHz; / 7 = 48 MHz, for USB and RNG (RM0090 7.3.2).
+    config.rcc.pll = Some(Pll {
+        prediv: PREDIV,
+        mul: PllMul::MUL168,
+        divp: Some(PllPDiv::DIV2),
+        divq: Some(PllQDiv::DIV7),
+        divr: None,
+    });
+    config.rcc.sys = Sysclk::PLL1_P;
+    config.rcc.ahb_pre = AHBPrescaler::DIV1;
+    config.rcc.apb1_pre = APBPrescaler::DIV4;
+    config.rcc.apb2_pre = APBPrescaler::DIV2;
+    const { assert!(168_000_000 / 4 == APB1_HZ && 168_000_000 / 2 == APB2_HZ) };
+    embassy_stm32::init(config);
+
+    // Prefetch and both caches (RM0090 3.9.1); without them each fetch waits for five cycles.
+    pac::FLASH.acr().modify(|w| {
+        w.set_prften(true);
+        w.set_icen(true);
+        w.set_dcen(true);
+    });
+
+    start_timer();
+
+    // All interrupts of the line have one priority, the highest: they do not nest, and none of one port can
+    // keep another's waiting for more than itself. The time driver comes after them.
+    interrupt::TIM2.set_priority(Priority::P4);
+    for interrupt in usart::INTERRUPTS {
+        enable(interrupt);
+    }
+    enable(interrupt::TIM5);
+}
+
+fn enable(interrupt: pac::Interrupt) {
+    interrupt.set_priority(Priority::P0);
+    // SAFETY: every interrupt of the line has its handler in this crate.
+    unsafe { interrupt.enable() };
+}
+
+/// TIM5 counts up and round, 32 bits wide (RM0090 18.3.1). Its channels are compare channels, frozen, as after
+/// reset: a match sets CCxIF and nothing else (RM0090 18.3.7).
+fn start_timer() {
+    pac::RCC.apb1enr().modify(|w| w.set_tim5en(true));
+    pac::RCC.apb1enr().read();
+    TIM5.psc().write_value(PRESCALER - 1);
+    TIM5.arr().write(|w| *w = u32::MAX);
+    // The prescaler takes effect with an update (RM0090 18.4.6, UG).
+    TIM5.egr().write(|w| w.set_ug(true));
+    TIM5.sr().write(|w| w.0 = 0);
+    TIM5.cr1().write(|w| w.set_cen(true));
+}
+
+/// The present tick.
+#[inline(always)]
+pub(crate) fn now() -> u32 {
+    TIM5.cnt().read()
+}
+
+/// Sets the alarm of `port`; one that is on goes off then, at once if `at` has passed.
+#[inline(always)]
+pub(crate) fn set_alarm(port: usize, at: u32) {
+    TIM5.ccr(port).write(|w| *w = at);
+    // A match with what was there before counts no more. Flags are cleared by a 0 (RM0090 18.4.5).
+    TIM5.sr().write(|w| w.0 = !(CC1 << port));
+    if (now().wrapping_sub(at) as i32) >= 0 {
+        // The match may be missed (RM0090 18.4.6, CCxG).
+        TIM5.egr().write(|w| w.0 = CC1 << port);
+    }
+}
+
+/// Lets the alarm of `port` go off.
+#[inline(always)]
+pub(crate) fn alarm_on(port: usize) {
+    TIM5.dier().modify(|w| w.0 |= CC1 << port);
+}
+
+/// No alarm of `port` until the next [`alarm_on`].
+#[inline(always)]
+pub(crate) fn alarm_off(port: usize) {
+    TIM5.dier().modify(|w| w.0 &= !(CC1 << port));
+}
+
+#[interrupt]
+fn TIM5() {
+    let due = TIM5.sr().read().0 & TIM5.dier().read().0;
+    for port in 0..PORTS {
+        if due & CC1 << port != 0 {
+            TIM5.sr().write(|w| w.0 = !(CC1 << port));
+            usart::on_alarm(port);
+        }
+    }
+}
+
+/// A character was handed to the transmitter.
+#[inline(always)]
+pub(crate) fn on_put(_port: usize, _settings: &Settings) {}
+
+/// Has [`usart::on_interrupt`] called as soon as the transmitter takes another character.
+#[inline(always)]
+pub(crate) fn await_ready(_port: usize, registers: &Registers, settings: &Settings) {
+    registers.send(settings, TXE);
+}
+
+/// Has it called as soon as the last character has left, stop bits included.
+#[inline(always)]
+pub(crate) fn await_sent(_port: usize, registers: &Registers, settings: &Settings) {
+    registers.send(settings, TC);
+}
+
+/// Whether the transmitter takes another character.
+#[inline(always)]
+pub(crate) fn is_ready(_port: usize, registers: &Registers) -> bool {
+    registers.status() & TXE != 0
+}
+
+/// Whether all has left.
+#[inline(always)]
+pub(crate) fn is_sent(_port: usize, registers: &Registers) -> bool {
+    registers.status() & TC != 0
+}

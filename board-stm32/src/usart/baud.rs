@@ -1,0 +1,181 @@
+//! Baud rate arithmetic of the USART: the divider nearest to a wanted rate and how far off it is.
+//!
+//! Pure arithmetic, usable at compile time and on any machine. Source: RM0090 30.3.4,
+//! `baud = clock / (8 * (2 - OVER8) * USARTDIV)`. USARTDIV has four fractional bits, or three with OVER8:
+//! either way the divider counts whole clock cycles per bit.
+
+/// The largest deviation from the wanted rate that is accepted, in parts per million: 2.5 %. With 16
+/// samples a bit the receiver itself tolerates 3 % (RM0090 30.3.5).
+pub const MAX_ERROR_PPM: u32 = 25_000;
+
+/// The fastest rate: a character of 10 bits then leaves 840 cycles at 168 MHz for the interrupts of four
+/// ports, and one takes some 100. The USARTs alone would do 10.5 and 5.25 Mbaud.
+pub const MAX_BAUD: u32 = 2_000_000;
+
+/// The largest value of the 16-bit divider register BRR (RM0090 30.6.3).
+const MAX_CYCLES: u32 = 0xFFFF;
+
+/// The fewest clock cycles per bit: with OVER8, USARTDIV 1 (RM0090 30.3.4).
+const MIN_CYCLES: u32 = 8;
+
+/// Contents of BRR and OVER8 for one baud rate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Divisor {
+    /// Value for BRR.
+    pub brr: u16,
+    /// Whether OVER8 is set: 8 samples a bit in place of 16.
+    pub over8: bool,
+}
+
+impl Divisor {
+    const fn new(cycles: u32) -> Self {
+        if cycles >= 16 {
+            Self {
+                brr: cycles as u16,
+                over8: false,
+            }
+        } else {
+            // Bit 3 stays clear with OVER8 (RM0090 30.6.3).
+            Self {
+                brr: ((cycles & !7) << 1 | (cycles & 7)) as u16,
+                over8: true,
+            }
+        }
+    }
+
+    /// Clock cycles in one bit, 8..=65535.
+    pub const fn cycles_per_bit(self) -> u32 {
+        let brr = self.brr as u32;
+        if self.over8 {
+            (brr & !0xF) >> 1 | (brr & 7)
+        } else {
+            brr
+        }
+    }
+
+    /// Distance between the rate made and the rate wanted, in parts per million of the rate wanted.
+    pub const fn error_ppm(self, clock_hz: u32, baud: u32) -> u32 {
+        let exact = clock_hz as u64;
+        let wanted = baud as u64 * self.cycles_per_bit() as u64;
+        (exact.abs_diff(wanted) * 1_000_000 / wanted) as u32
+    }
+}
+
+/// A baud rate that the clock cannot make within [`MAX_ERROR_PPM`], or that is faster than the CPU can
+/// follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BaudError {
+    /// The rate that was asked for.
+    pub baud: u32,
+    /// The nearest rate that can be had.
+    pub nearest: u32,
+}
+
+/// The divisor for `baud` from a USART's clock of `clock_hz` (up to 100 MHz), rounded to the nearest.
+///
+/// Sixteen samples a bit where the clock has them, since that receiver tolerates more; eight where it has
+/// not.
+///
+/// # Errors
+/// [`BaudError`] with the nearest rate if the result is more than 2.5 % off, or over [`MAX_BAUD`].
+pub const fn divisor(clock_hz: u32, baud: u32) -> Result<Divisor, BaudError> {
+    let slowest = clock_hz.div_ceil(MAX_CYCLES);
+    let fastest = if clock_hz / MIN_CYCLES < MAX_BAUD {
+        clock_hz / MIN_CYCLES
+    } else {
+        MAX_BAUD
+    };
+    if baud > fastest {
+        return Err(BaudError {
+            baud,
+            nearest: fastest,
+        });
+    }
+    if baud < slowest {
+        return Err(BaudError {
+            baud,
+            nearest: slowest,
+        });
+    }
+    let cycles = (clock_hz + baud / 2) / baud;
+    let made = cycles * baud;
+    if clock_hz.abs_diff(made) > made / (1_000_000 / MAX_ERROR_PPM) {
+        return Err(BaudError {
+            baud,
+            nearest: (clock_hz + cycles / 2) / cycles,
+        });
+    }
+    Ok(Divisor::new(cycles))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const APB1: u32 = 42_000_000;
+    const APB2: u32 = 84_000_000;
+
+    #[test]
+    fn usual_rates_are_those_of_the_reference_manual() {
+        // RM0090 30.3.4, the tables for fPCLK 42 and 84 MHz, USARTDIV times 16.
+        let expected = [
+            (APB1, 2_400, 17_500),
+            (APB1, 9_600, 4_375),
+            (APB1, 19_200, 2_188),
+            (APB1, 38_400, 1_094),
+            (APB1, 115_200, 365),
+            (APB1, 2_000_000, 21),
+            (APB2, 9_600, 8_750),
+            (APB2, 38_400, 2_188),
+            (APB2, 115_200, 729),
+            (APB2, 2_000_000, 42),
+        ];
+        for (clock_hz, baud, brr) in expected {
+            let made = Divisor { brr, over8: false };
+            assert_eq!(divisor(clock_hz, baud), Ok(made), "{baud} baud");
+        }
+    }
+
+    #[test]
+    fn eight_samples_where_there_are_no_sixteen_cycles() {
+        let made = divisor(16_000_000, 1_200_000).unwrap_err();
+        assert_eq!(made.nearest, 1_230_769);
+        // 13 cycles: USARTDIV 1.625, mantissa 1, fraction 5.
+        let made = divisor(16_000_000, 1_230_769).unwrap();
+        assert_eq!((made.brr, made.over8), (0x15, true));
+        assert_eq!(made.cycles_per_bit(), 13);
+        let made = divisor(16_000_000, 2_000_000).unwrap();
+        assert_eq!((made.brr, made.over8), (0x10, true));
+    }
+
+    #[test]
+    fn rates_out_of_reach_are_refused_with_the_nearest() {
+        let nearest = |clock_hz, baud| divisor(clock_hz, baud).unwrap_err().nearest;
+        assert_eq!(nearest(APB2, 0), 1_282);
+        assert_eq!(nearest(APB2, 1_281), 1_282);
+        assert_eq!(nearest(APB1, 300), 641);
+        assert_eq!(nearest(APB1, 2_000_001), 2_000_000);
+        assert_eq!(nearest(8_000_000, u32::MAX), 1_000_000);
+        assert_eq!(divisor(APB2, 1_282).map(|made| made.brr), Ok(65_523));
+    }
+
+    #[test]
+    fn every_rate_that_is_accepted_is_within_the_limit() {
+        for clock_hz in [8_000_000, 16_000_000, APB1, APB2, 100_000_000] {
+            for baud in (100..=MAX_BAUD).step_by(37) {
+                match divisor(clock_hz, baud) {
+                    Ok(made) => {
+                        assert!(made.error_ppm(clock_hz, baud) <= MAX_ERROR_PPM);
+                        assert_eq!(made.over8, made.cycles_per_bit() < 16);
+                    }
+                    Err(error) => {
+                        assert!(
+                            divisor(clock_hz, error.nearest).is_ok(),
+                            "{clock_hz} {baud}"
+                        )
+                    }
+                }
+            }
+        }
+    }
+}

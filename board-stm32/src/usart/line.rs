@@ -1,0 +1,171 @@
+//! [`Line`] for a port: futures on what its interrupts leave in [`State`].
+
+use core::future::{Future, poll_fn};
+use core::marker::PhantomData;
+use core::task::{Context, Poll};
+
+use embassy_stm32::interrupt;
+use embassy_stm32::pac::Interrupt;
+use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
+use multidrop_firmware::protocol::rtu::Flaws;
+
+use super::registers;
+use super::settings::Settings;
+use super::state::{ADUS, SHARED, State};
+use crate::ports::{PORTS, WIRING};
+
+/// The interrupts of the ports, in their order.
+pub(crate) const INTERRUPTS: [Interrupt; PORTS] = [
+    Interrupt::USART1,
+    Interrupt::USART2,
+    Interrupt::USART3,
+    Interrupt::UART4,
+];
+
+#[interrupt]
+fn USART1() {
+    on_usart(0);
+}
+
+#[interrupt]
+fn USART2() {
+    on_usart(1);
+}
+
+#[interrupt]
+fn USART3() {
+    on_usart(2);
+}
+
+#[interrupt]
+fn UART4() {
+    on_usart(3);
+}
+
+// Not inlined: one copy for four ports.
+#[inline(never)]
+fn on_usart(port: usize) {
+    // SAFETY: in an interrupt of the line, see `Shared`.
+    unsafe { &mut *SHARED[port].get() }.on_usart();
+}
+
+/// The alarm of `port` went off. From an interrupt of the line only.
+#[inline(never)]
+pub(crate) fn on_alarm(port: usize) {
+    // SAFETY: as demanded.
+    unsafe { &mut *SHARED[port].get() }.on_alarm();
+}
+
+/// The line of one port.
+pub struct Usart {
+    port: u8,
+    /// Not to be used from an interrupt.
+    _tasks: PhantomData<*const ()>,
+}
+
+impl Usart {
+    /// Sets port `port` up: pins with DE low, then receiver and transmitter on. The bus is not driven. It
+    /// listens once the bus was silent for t3.5. To be called once for each port.
+    pub(crate) fn open(port: usize, settings: Settings, handshake: bool) -> Self {
+        let line = Self {
+            port: port as u8,
+            _tasks: PhantomData,
+        };
+        line.with(|state| {
+            registers::connect(&WIRING[port], handshake);
+            state.set_handshake(handshake);
+            state.apply(settings);
+        });
+        line
+    }
+
+    /// With interrupts off.
+    fn with<R>(&self, f: impl FnOnce(&mut State) -> R) -> R {
+        critical_section::with(|_| {
+            // SAFETY: interrupts are off and `with` is never called from within `f`.
+            f(unsafe { &mut *SHARED[usize::from(self.port)].get() })
+        })
+    }
+
+    /// What the machine has to tell the task that works with a frame, or waits to send. The waker is
+    /// registered first: what comes after wakes.
+    fn poll_user<R>(
+        &self,
+        context: &Context,
+        look: impl FnOnce(&mut State) -> Option<R>,
+    ) -> Poll<R> {
+        self.with(|state| {
+            state.chip.user.register(context.waker());
+            look(state).map_or(Poll::Pending, Poll::Ready)
+        })
+    }
+
+    /// The buffer as a frame. The machine has lent it just now.
+    fn frame(&self, len: u8) -> Frame<'_, Self> {
+        // SAFETY: until `give_back` the machine keeps interrupts from writing to the buffer, and everybody
+        // else from lending it. While an answer is sent the interrupt reads it; `Frame` forbids to change
+        // those bytes then.
+        let adu: &mut Adu = unsafe { &mut *ADUS[usize::from(self.port)].get() };
+        Frame::new(self, adu, len)
+    }
+
+    fn settings(&self, config: &LineConfig) -> Result<Settings, LineError> {
+        let clock_hz = WIRING[usize::from(self.port)].clock_hz;
+        Settings::new(config, clock_hz, crate::TICK_HZ)
+    }
+}
+
+impl Line for Usart {
+    async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
+        let heard = poll_fn(|context| {
+            self.with(|state| {
+                state.chip.receiver.register(context.waker());
+                state.machine.fetch().map_or(Poll::Pending, Poll::Ready)
+            })
+        });
+        heard.await.map(|len| self.frame(len))
+    }
+
+    fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
+        poll_fn(|context| {
+            self.poll_user(context, |state| {
+                state.machine.take_buffer().then(|| self.frame(0))
+            })
+        })
+    }
+
+    fn check(&self, config: &LineConfig) -> Result<(), LineError> {
+        self.settings(config).map(drop)
+    }
+
+    async fn configure(&self, config: LineConfig) -> Result<(), LineError> {
+        let settings = self.settings(&config)?;
+        poll_fn(|context| {
+            self.poll_user(context, |state| {
+                (!state.machine.is_sending()).then(|| state.apply(settings))
+            })
+        })
+        .await;
+        Ok(())
+    }
+
+    fn set_delimiter(&self, delimiter: u8) {
+        self.with(|state| state.set_delimiter(delimiter));
+    }
+
+    fn release(&self, len: u8) {
+        self.with(|state| state.machine.release(&mut state.chip, len));
+    }
+
+    fn settle(&self) -> impl Future<Output = bool> {
+        poll_fn(|context| self.poll_user(context, |state| state.machine.verdict()))
+    }
+
+    fn sent(&self) -> impl Future<Output = bool> {
+        poll_fn(|context| self.poll_user(context, |state| state.machine.sent()))
+    }
+
+    fn give_back(&self) {
+        self.with(|state| state.machine.give_back(&mut state.chip));
+    }
+}

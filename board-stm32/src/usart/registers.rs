@@ -1,0 +1,274 @@
+//! The registers of one USART, its pins, and the pending bit of EXTI that stands in for a start-bit detector.
+//! All of it is the same in QEMU, which ignores what it does not model.
+
+use embassy_stm32::pac::gpio::{Gpio, vals::Moder, vals::Ospeedr, vals::Pupdr};
+use embassy_stm32::pac::{self, EXTI, SYSCFG, usart::Usart};
+use multidrop_firmware::protocol::rtu::Flaws;
+
+use super::settings::Settings;
+use crate::ports::{Pin, WIRING, Wiring};
+
+/// Bits of SR (RM0090 30.6.1).
+const PE: u32 = 1 << 0;
+const FE: u32 = 1 << 1;
+const NF: u32 = 1 << 2;
+pub(crate) const ORE: u32 = 1 << 3;
+pub(crate) const RXNE: u32 = 1 << 5;
+
+/// Bits of CR1 (RM0090 30.6.4). The interrupt enables stand where SR has their flags.
+const RE: u32 = 1 << 2;
+const TE: u32 = 1 << 3;
+const RXNEIE: u32 = RXNE;
+const UE: u32 = 1 << 13;
+
+/// Bits of CR3 (RM0090 30.6.6).
+const RTSE: u32 = 1 << 8;
+const CTSE: u32 = 1 << 9;
+
+/// Bits of CR1 that are the same while a port listens and while it sends.
+const ALWAYS: u32 = UE | TE;
+
+/// One USART with its DE pin.
+#[derive(Clone, Copy)]
+pub(crate) struct Registers {
+    usart: Usart,
+    /// RXD's line of EXTI, as a bit.
+    line: u32,
+    /// DE as the bit of its port that BSRR sets; 0 for none.
+    de: u16,
+    de_gpio: Gpio,
+}
+
+impl Registers {
+    /// Those of this port.
+    pub const fn of(port: usize) -> Self {
+        let usart = match port {
+            0 => pac::USART1,
+            1 => pac::USART2,
+            2 => pac::USART3,
+            _ => pac::UART4,
+        };
+        let line = 1 << WIRING[port].rx.number;
+        match WIRING[port].de {
+            Some(pin) => Self {
+                usart,
+                line,
+                de: 1 << pin.number,
+                de_gpio: gpio(pin),
+            },
+            None => Self {
+                usart,
+                line,
+                de: 0,
+                de_gpio: pac::GPIOA,
+            },
+        }
+    }
+
+    /// SR.
+    #[inline(always)]
+    pub fn status(&self) -> u32 {
+        self.usart.sr().read().0
+    }
+
+    /// What was received. With SR read before, this clears RXNE and the errors (RM0090 30.6.1).
+    #[inline(always)]
+    pub fn take(&self) -> u8 {
+        self.usart.dr().read().0 as u8
+    }
+
+    /// Hands a character to the transmitter. SR read before the write clears TC (RM0090 30.6.1).
+    #[inline(always)]
+    pub fn put(&self, character: u8) {
+        self.usart.sr().read();
+        self.usart
+            .dr()
+            .write_value(pac::usart::regs::Dr(character.into()));
+    }
+
+    /// Baud rate and format. The transmitter stays on from here: with TE it sends an idle character first
+    /// (RM0090 30.3.2), which would delay each frame. It is not on the bus while DE is down.
+    pub fn set_up(&self, settings: &Settings) {
+        let usart = self.usart;
+        // UE off: the format must not change under way (RM0090 30.3.2, 30.3.3).
+        usart.cr1().write_value(pac::usart::regs::Cr1(0));
+        usart
+            .brr()
+            .write_value(pac::usart::regs::Brr(settings.brr.into()));
+        usart
+            .cr2()
+            .write_value(pac::usart::regs::Cr2Usart(settings.cr2));
+        self.listen(settings);
+    }
+
+    /// RTS/CTS flow control.
+    pub fn set_handshake(&self, on: bool) {
+        let bits = if on { RTSE | CTSE } else { 0 };
+        self.usart
+            .cr3()
+            .write_value(pac::usart::regs::Cr3Usart(bits));
+    }
+
+    /// Receiver on, with its interrupt.
+    #[inline(always)]
+    pub fn listen(&self, settings: &Settings) {
+        // What was received up to now is of no interest: reading SR and DR clears it.
+        self.status();
+        self.take();
+        self.control(settings, RE | RXNEIE);
+    }
+
+    /// Receiver off: a transceiver that hears itself is not heard. The interrupt of the flags `interrupt` of SR
+    /// is on.
+    #[inline(always)]
+    pub fn send(&self, settings: &Settings, interrupt: u32) {
+        self.control(settings, interrupt);
+    }
+
+    #[inline(always)]
+    fn control(&self, settings: &Settings, bits: u32) {
+        self.usart
+            .cr1()
+            .write_value(pac::usart::regs::Cr1(settings.cr1 | ALWAYS | bits));
+    }
+
+    /// Whether RXD has fallen since [`clear_start_bit`](Self::clear_start_bit): once a character is complete
+    /// only a start bit, or noise, does that.
+    #[inline(always)]
+    pub fn start_bit_seen(&self) -> bool {
+        EXTI.pr(0).read().0 & self.line != 0
+    }
+
+    /// Forgets it, by writing a one (RM0090 12.3.6).
+    #[inline(always)]
+    pub fn clear_start_bit(&self) {
+        EXTI.pr(0).write_value(pac::exti::regs::Lines(self.line));
+    }
+
+    /// DE up. The upper half of BSRR clears, the lower sets (RM0090 8.4.7).
+    #[inline(always)]
+    pub fn raise_de(&self) {
+        if self.de != 0 {
+            self.set(self.de.into());
+        }
+    }
+
+    /// DE down.
+    #[inline(always)]
+    pub fn lower_de(&self) {
+        if self.de != 0 {
+            self.set(u32::from(self.de) << 16);
+        }
+    }
+
+    #[inline(always)]
+    fn set(&self, bits: u32) {
+        self.de_gpio.bsrr().write_value(pac::gpio::regs::Bsrr(bits));
+    }
+}
+
+/// What the error bits of SR mean. A character on which the three samples of a bit disagree counts as
+/// damaged: an LRC would let one such in 256 pass.
+#[inline(always)]
+pub(crate) fn flaws(status: u32) -> Flaws {
+    let mut flaws = Flaws::NONE;
+    if status & (FE | NF) != 0 {
+        flaws |= Flaws::FRAMING;
+    }
+    if status & ORE != 0 {
+        flaws |= Flaws::OVERRUN;
+    }
+    if status & PE != 0 {
+        flaws |= Flaws::PARITY;
+    }
+    flaws
+}
+
+/// Clocks of all ports' USARTs and of their GPIOs, and of SYSCFG (RM0090 7.3.10, 7.3.13, 7.3.14).
+pub(crate) fn enable_clocks() {
+    pac::RCC.ahb1enr().modify(|w| {
+        w.set_gpioaen(true);
+        w.set_gpioben(true);
+        w.set_gpiocen(true);
+    });
+    pac::RCC.apb1enr().modify(|w| {
+        w.set_usart2en(true);
+        w.set_usart3en(true);
+        w.set_uart4en(true);
+    });
+    pac::RCC.apb2enr().modify(|w| {
+        w.set_usart1en(true);
+        w.set_syscfgen(true);
+    });
+    // A clock runs two cycles after it is enabled (RM0090 7.3.10, errata 2.2.7): reading back waits for it.
+    pac::RCC.apb2enr().read();
+}
+
+/// Connects the pins of a port, its RXD to EXTI too. DE is low before it is an output.
+pub(crate) fn connect(wiring: &Wiring, handshake: bool) {
+    let line = usize::from(wiring.rx.number);
+    // Falling edges only: a start bit is one (RM0090 9.2.3 to 9.2.6, 12.3.4).
+    SYSCFG
+        .exticr(line / 4)
+        .modify(|w| w.set_exti(line % 4, wiring.rx.gpio as u8 - b'A'));
+    EXTI.ftsr(0).modify(|w| w.set_line(line, true));
+    // Without this the pending bit is not set; the interrupt stays off in the NVIC (RM0090 12.2.4, 12.3.1).
+    EXTI.imr(0).modify(|w| w.set_line(line, true));
+    if let Some(de) = wiring.de {
+        output(de);
+    }
+    connect_pin(wiring.tx, wiring.function);
+    connect_pin(wiring.rx, wiring.function);
+    if let (Some(pins), true) = (wiring.handshake, handshake) {
+        connect_pin(pins.cts, wiring.function);
+        connect_pin(pins.rts, wiring.function);
+    }
+}
+
+/// An output, low. The others of its port stay as they are.
+fn output(pin: Pin) {
+    let (gpio, n) = (gpio(pin), usize::from(pin.number));
+    gpio.bsrr().write(|w| w.set_br(n, true));
+    gpio.moder().modify(|w| w.set_moder(n, Moder::OUTPUT));
+}
+
+/// A pin of the USART (RM0090 8.3.2): function first, then mode, so that it is never something else. Pulled
+/// up: an open line is idle. Fast enough for 2 Mbaud, which the slowest edges are not (DS 6.3.17).
+fn connect_pin(pin: Pin, function: u8) {
+    let (gpio, n) = (gpio(pin), usize::from(pin.number));
+    gpio.afr(n / 8).modify(|w| w.set_afr(n % 8, function));
+    gpio.pupdr().modify(|w| w.set_pupdr(n, Pupdr::PULL_UP));
+    gpio.ospeedr()
+        .modify(|w| w.set_ospeedr(n, Ospeedr::MEDIUM_SPEED));
+    gpio.moder().modify(|w| w.set_moder(n, Moder::ALTERNATE));
+}
+
+/// The registers of a pin's port.
+const fn gpio(pin: Pin) -> Gpio {
+    match pin.gpio {
+        'A' => pac::GPIOA,
+        'B' => pac::GPIOB,
+        _ => pac::GPIOC,
+    }
+}
+
+/// The outputs of the demonstration unit, low.
+pub(crate) fn outputs_on_gpioc(pins: u16) {
+    for n in 0..16 {
+        if pins >> n & 1 != 0 {
+            output(Pin {
+                gpio: 'C',
+                number: n,
+            });
+        }
+    }
+}
+
+/// Sets those of `pins` on GPIOC that are on in `levels`, clears the others, in one step (RM0090 8.4.7).
+pub(crate) fn write_gpioc(pins: u16, levels: u16) {
+    let set = u32::from(levels & pins);
+    let clear = u32::from(!levels & pins) << 16;
+    pac::GPIOC
+        .bsrr()
+        .write_value(pac::gpio::regs::Bsrr(set | clear));
+}

@@ -1,0 +1,320 @@
+//! What the interrupts and the futures of a port share: the state machine of
+//! [`protocol::line`](multidrop_firmware::protocol::line), and the chip as its [`Wire`].
+//!
+//! The interrupts of the line, which do not nest, and the futures, with interrupts off, are the only users.
+
+use core::cell::UnsafeCell;
+
+use embassy_sync::waitqueue::WakerRegistration;
+use multidrop_firmware::line::Adu;
+use multidrop_firmware::protocol::line::{Ascii, Interval, LineMachine, Wire};
+use multidrop_firmware::protocol::rtu::{Flaws, Heard, Reception};
+
+use super::registers::{self, ORE, RXNE, Registers};
+use super::settings::Settings;
+use crate::platform;
+use crate::ports::PORTS;
+
+/// A buffer, apart from [`State`] so that it starts as zeros and takes no flash.
+pub(super) struct AduCell(UnsafeCell<Adu>);
+
+// SAFETY: the machine says who may use it.
+unsafe impl Sync for AduCell {}
+
+pub(super) static ADUS: [AduCell; PORTS] =
+    [const { AduCell(UnsafeCell::new([0; size_of::<Adu>()])) }; PORTS];
+
+impl AduCell {
+    pub fn get(&self) -> *mut Adu {
+        self.0.get()
+    }
+}
+
+/// [`State`] of a port.
+pub(super) struct Shared(UnsafeCell<State>);
+
+// SAFETY: used by interrupts that do not nest, and with interrupts off.
+unsafe impl Sync for Shared {}
+
+pub(super) static SHARED: [Shared; PORTS] = [
+    Shared::new(0),
+    Shared::new(1),
+    Shared::new(2),
+    Shared::new(3),
+];
+
+impl Shared {
+    const fn new(port: usize) -> Self {
+        Self(UnsafeCell::new(State::new(port)))
+    }
+
+    pub fn get(&self) -> *mut State {
+        self.0.get()
+    }
+}
+
+pub(super) struct State {
+    pub machine: LineMachine,
+    pub chip: Chip,
+}
+
+/// What the transmitter is to be ready for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Awaited {
+    /// The port listens.
+    Nothing,
+    /// The next character.
+    Ready,
+    /// The end of the last one.
+    Sent,
+}
+
+/// A port's USART, alarm and start-bit detector, as they are set up, and its tasks.
+pub(super) struct Chip {
+    port: usize,
+    registers: Registers,
+    settings: Settings,
+    reception: Reception,
+    ascii: Ascii,
+    awaited: Awaited,
+    /// What the alarm was last set to.
+    alarm_at: u32,
+    pub receiver: WakerRegistration,
+    pub user: WakerRegistration,
+}
+
+impl State {
+    const fn new(port: usize) -> Self {
+        Self {
+            machine: LineMachine::new(),
+            chip: Chip {
+                port,
+                registers: Registers::of(port),
+                settings: Settings::NONE,
+                reception: Reception::new(),
+                ascii: Ascii::new(),
+                awaited: Awaited::Nothing,
+                alarm_at: 0,
+                receiver: WakerRegistration::new(),
+                user: WakerRegistration::new(),
+            },
+        }
+    }
+
+    /// Flow control on or off. Before [`apply`](State::apply).
+    pub fn set_handshake(&mut self, on: bool) {
+        self.chip.registers.set_handshake(on);
+    }
+
+    /// Puts settings into the USART and starts the machine anew.
+    pub fn apply(&mut self, settings: Settings) {
+        self.chip.settings = settings;
+        self.chip.registers.set_up(&settings);
+        self.chip.ascii.set_data_bits(settings.data_bits);
+        self.machine.reset(&mut self.chip);
+    }
+
+    /// [`Line::set_delimiter`](multidrop_firmware::Line::set_delimiter).
+    pub fn set_delimiter(&mut self, delimiter: u8) {
+        self.chip.ascii.set_delimiter(delimiter);
+    }
+
+    /// The USART's interrupt.
+    #[inline(always)]
+    pub fn on_usart(&mut self) {
+        if self.chip.awaited != Awaited::Nothing {
+            return self.on_transmitter();
+        }
+        let status = self.chip.registers.status();
+        if status & (RXNE | ORE) != 0 {
+            self.on_character(status);
+        }
+    }
+
+    #[inline(always)]
+    fn on_character(&mut self, status: u32) {
+        let chip = &mut self.chip;
+        chip.set_alarm(platform::now().wrapping_add(chip.settings.to_complete));
+        chip.registers.clear_start_bit();
+        let word = chip.registers.take();
+        let mut flaws = registers::flaws(status);
+        if word & chip.settings.mark != chip.settings.mark {
+            // The first of two stop bits was none.
+            flaws |= Flaws::FRAMING;
+        }
+        let character = word & chip.settings.data;
+        if chip.settings.is_ascii {
+            return self.machine.on_ascii_character(chip, character, flaws);
+        }
+        let simply_next = self.machine.is_collecting() && flaws.is_empty();
+        // A byte that no longer fits is the reception's to note.
+        if simply_next || self.machine.on_character(chip, flaws, false) {
+            // SAFETY: the machine has a character stored only while the buffer is the line's.
+            let adu = unsafe { &mut *ADUS[chip.port].get() };
+            chip.reception.push(adu, character);
+        }
+    }
+
+    /// The port's alarm.
+    #[inline(always)]
+    pub fn on_alarm(&mut self) {
+        if self.chip.awaited != Awaited::Nothing {
+            return self.on_transmitter();
+        }
+        self.machine.on_alarm(&mut self.chip);
+    }
+
+    #[inline(always)]
+    fn on_transmitter(&mut self) {
+        let chip = &mut self.chip;
+        match chip.awaited {
+            Awaited::Ready if platform::is_ready(chip.port, &chip.registers) => {
+                self.machine.on_ready(chip);
+            }
+            Awaited::Sent if platform::is_sent(chip.port, &chip.registers) => {
+                self.machine.on_sent(chip);
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Chip {
+    #[inline(always)]
+    fn set_alarm(&mut self, at: u32) {
+        self.alarm_at = at;
+        platform::set_alarm(self.port, at);
+    }
+
+    #[inline(always)]
+    fn put_character(&mut self, byte: u8) {
+        self.registers.put(byte | self.settings.mark);
+        platform::on_put(self.port, &self.settings);
+    }
+
+    #[inline(always)]
+    fn await_ready(&mut self) {
+        self.awaited = Awaited::Ready;
+        platform::await_ready(self.port, &self.registers, &self.settings);
+    }
+
+    #[inline(always)]
+    fn await_sent(&mut self) {
+        self.awaited = Awaited::Sent;
+        platform::await_sent(self.port, &self.registers, &self.settings);
+    }
+}
+
+impl Wire for Chip {
+    #[inline(always)]
+    fn ascii(&mut self) -> Option<&mut Ascii> {
+        self.settings.is_ascii.then_some(&mut self.ascii)
+    }
+
+    #[inline(always)]
+    fn store(&mut self, at: u8, byte: u8) {
+        // SAFETY: the machine says that the buffer is not lent.
+        let adu = unsafe { &mut *ADUS[self.port].get() };
+        adu[usize::from(at)] = byte;
+    }
+
+    #[inline(always)]
+    fn start_bit_seen(&mut self) -> bool {
+        self.registers.start_bit_seen()
+    }
+
+    #[inline(always)]
+    fn clear_start_bit(&mut self) {
+        self.registers.clear_start_bit();
+    }
+
+    fn alarm(&mut self, interval: Interval) -> bool {
+        let settings = &self.settings;
+        let ticks = match interval {
+            Interval::ToStand => settings.to_stand,
+            Interval::ToStandLessCharacter => settings.to_stand.saturating_sub(settings.character),
+            Interval::ToStart => settings.to_start,
+            Interval::Character => settings.character,
+            Interval::T3_5 => {
+                self.set_alarm(platform::now().wrapping_add(settings.t3_5));
+                return true;
+            }
+            Interval::Fortieth => settings.to_complete,
+        };
+        if ticks > 0 {
+            self.set_alarm(self.alarm_at.wrapping_add(ticks));
+        }
+        ticks > 0
+    }
+
+    #[inline(always)]
+    fn alarm_on(&mut self) {
+        platform::alarm_on(self.port);
+    }
+
+    #[inline(always)]
+    fn alarm_off(&mut self) {
+        platform::alarm_off(self.port);
+    }
+
+    #[inline(always)]
+    fn restart(&mut self) {
+        self.reception.restart();
+    }
+
+    #[inline(always)]
+    fn finish(&mut self) -> Heard {
+        self.reception.finish()
+    }
+
+    #[inline(always)]
+    fn adu(&self) -> &Adu {
+        // SAFETY: read while an answer is sent; those bytes are not changed then.
+        unsafe { &*ADUS[self.port].get() }
+    }
+
+    #[inline(always)]
+    fn talk(&mut self, first: u8) {
+        self.registers.raise_de();
+        self.put_character(first);
+        self.alarm_off();
+        self.await_ready();
+    }
+
+    #[inline(always)]
+    fn is_ready(&mut self) -> bool {
+        platform::is_ready(self.port, &self.registers)
+    }
+
+    #[inline(always)]
+    fn put(&mut self, byte: u8, last: bool) {
+        self.put_character(byte);
+        if last {
+            self.await_sent();
+        } else {
+            self.await_ready();
+        }
+    }
+
+    #[inline(always)]
+    fn end(&mut self) {
+        self.await_sent();
+    }
+
+    #[inline(always)]
+    fn listen(&mut self) {
+        self.registers.lower_de();
+        self.awaited = Awaited::Nothing;
+        self.registers.listen(&self.settings);
+    }
+
+    #[inline(always)]
+    fn wake_receiver(&mut self) {
+        self.receiver.wake();
+    }
+
+    #[inline(always)]
+    fn wake_user(&mut self) {
+        self.user.wake();
+    }
+}

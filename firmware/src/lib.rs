@@ -16,6 +16,7 @@ pub mod conformance;
 pub mod line;
 pub mod port;
 pub mod receive;
+pub mod route;
 pub mod serve;
 pub mod shared;
 
@@ -25,5 +26,6 @@ pub use line::{Frame, InterCharacter, Line, LineConfig, Role};
 pub use multidrop_protocol as protocol;
 pub use port::Port;
 pub use receive::receive;
+pub use route::{Route, Router, receive_and_route, route};
 pub use serve::serve;
 pub use shared::Shared;

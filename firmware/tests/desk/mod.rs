@@ -75,6 +75,17 @@ impl Wire {
         }
     }
 
+    /// Something comes from the wire, so many ms from now.
+    pub fn comes(&self, after: u64, heard: Heard) {
+        let when = self.now.get() + after;
+        self.coming.borrow_mut().push((when, heard));
+    }
+
+    /// Whether the buffer is with a task.
+    pub fn is_lent(&self) -> bool {
+        self.lent.get()
+    }
+
     fn is_silent(&self) -> bool {
         self.now.get() >= self.busy_until.get()
     }
@@ -244,6 +255,8 @@ pub struct Task<'a> {
 pub struct Desk<'a, const N: usize> {
     pub wire: &'static Wire,
     pub port: &'static ClientPort<TestLine, N>,
+    /// Lines of other ports.
+    others: Vec<&'static Wire>,
     tasks: Vec<Task<'a>>,
     _time: MutexGuard<'static, ()>,
 }
@@ -263,11 +276,20 @@ impl<'a, const N: usize> Desk<'a, N> {
         let mut desk = Self {
             wire,
             port,
+            others: Vec::new(),
             tasks: Vec::new(),
             _time: time,
         };
         desk.spawn(async move { client_receive(port).await });
         desk
+    }
+
+    /// The line of another port, on which nobody answers.
+    pub fn other(&mut self) -> &'static Wire {
+        let wire: &'static Wire = Box::leak(Box::default());
+        wire.now.set(self.now());
+        self.others.push(wire);
+        wire
     }
 
     /// Adds a task; its number is for [`Desk::is_over`] and [`Desk::cancel`].
@@ -309,6 +331,7 @@ impl<'a, const N: usize> Desk<'a, N> {
         self.poll();
         for _ in 0..ms {
             self.wire.tick();
+            self.others.iter().for_each(|wire| wire.tick());
             MockDriver::get().advance(Duration::from_millis(1));
             self.poll();
         }

@@ -1,0 +1,204 @@
+//! Requests routed from one line to another; who asks and who answers are plain code here.
+
+mod desk;
+
+use std::cell::Cell;
+use std::rc::Rc;
+
+use desk::{Desk, Heard, Registers, SENDS, TestLine, Wire};
+use multidrop_firmware::{ClientConfig, Port, PortConfig, Route, Router, receive_and_route, route};
+
+const TIMEOUT: u64 = 50;
+const CONFIG: ClientConfig = ClientConfig::new().timeout_ms(TIMEOUT as u16);
+/// From the request's end to the answer's.
+const DELAY: u64 = 10;
+/// What one exchange behind the router takes, and a little more than the way through it.
+const EXCHANGE: u64 = SENDS + DELAY + 4;
+
+/// A bus behind the router where every unit but 9 answers after `delay`, and never two requests at once.
+fn bus(delay: impl Fn(&[u8]) -> u64 + 'static) -> impl FnMut(&[u8]) -> Vec<(u64, Heard)> {
+    let mut registers = Registers::default();
+    move |request| {
+        if request[0] == 9 {
+            return vec![];
+        }
+        let answer = registers.answer(request);
+        let delay = delay(request);
+        answer.map_or(vec![], |answer| vec![(delay, Heard::Frame(answer))])
+    }
+}
+
+/// One more port that asks: units 2 and 3 are themselves, 4 is unit 17, 5 is unit 9, which is not there.
+fn asker<const N: usize>(desk: &mut Desk<'_, N>) -> &'static Wire {
+    const PORT: PortConfig = PortConfig::new("AS1").slave_id(1);
+    let wire = desk.other();
+    let port: &'static Port<TestLine> = Box::leak(Box::new(Port::new(TestLine(wire), &PORT)));
+    let through = desk.port.client(CONFIG);
+    let routes = [(2, 2), (3, 3), (4, 17), (5, 9)].map(|(unit, target)| Route {
+        unit,
+        target,
+        through,
+    });
+    let router: &'static Router<TestLine, N> =
+        Box::leak(Box::new(Router::new(Box::leak(Box::new(routes)))));
+    desk.spawn(async move { receive_and_route(port, router).await });
+    let line: &'static TestLine = Box::leak(Box::new(TestLine(wire)));
+    desk.spawn(async move { route(line, router).await });
+    wire
+}
+
+/// What went out on a line.
+fn sent(wire: &Wire) -> Vec<Vec<u8>> {
+    let sent = wire.sent.borrow();
+    sent.iter().map(|(_, bytes)| bytes.clone()).collect()
+}
+
+fn read(unit: u8, address: u8) -> Heard {
+    Heard::Frame(vec![unit, 3, 0, address, 0, 1])
+}
+
+/// Register `address` of `target`, told by `unit`.
+fn told(unit: u8, target: u8, address: u8) -> Vec<u8> {
+    vec![unit, 3, 2, target.wrapping_mul(0x10), address]
+}
+
+#[test]
+fn a_request_goes_through_and_its_answer_comes_back() {
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let wire = asker(&mut desk);
+    for (unit, target) in [(2, 2), (4, 17), (3, 3)] {
+        wire.comes(1, read(unit, 7));
+        desk.run(EXCHANGE + SENDS + 2);
+        assert_eq!(sent(wire), [told(unit, target, 7)]);
+        wire.sent.borrow_mut().clear();
+    }
+    let targets: Vec<_> = desk.sent().iter().map(|request| request[0]).collect();
+    assert_eq!(targets, [2, 17, 3]);
+    // The unit's own exception is passed on.
+    wire.comes(1, Heard::Frame(vec![4, 0x41, 1]));
+    desk.run(EXCHANGE + SENDS + 2);
+    assert_eq!(sent(wire), [[4, 0xC1, 1]]);
+}
+
+#[test]
+fn others_units_and_broadcasts_are_not_routed() {
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let wire = asker(&mut desk);
+    for unit in [6, 247, 248, 255] {
+        wire.comes(1, read(unit, 7));
+        desk.run(60);
+        assert!(!wire.is_lent(), "{unit}");
+    }
+    wire.comes(1, Heard::Frame(vec![0, 6, 0, 1, 0, 1]));
+    desk.run(60);
+    assert_eq!(desk.sent(), [[0; 0]; 0]);
+}
+
+#[test]
+fn a_missing_unit_is_told_within_the_routes_timeout() {
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let wire = asker(&mut desk);
+    wire.comes(1, read(5, 7));
+    desk.run(SENDS + TIMEOUT + SENDS + 6);
+    assert_eq!(sent(wire), [[5, 0x83, 0x0B]]);
+    wire.sent.borrow_mut().clear();
+    wire.comes(1, read(2, 8));
+    desk.run(EXCHANGE + SENDS + 2);
+    assert_eq!(sent(wire), [told(2, 2, 8)], "the next one");
+}
+
+#[test]
+fn an_answer_that_comes_too_late_is_not_taken_for_the_next() {
+    let slow = Rc::new(Cell::new(true));
+    let first = slow.clone();
+    let mut desk = Desk::<1>::new(bus(move |_| if first.take() { TIMEOUT + 3 } else { DELAY }));
+    let wire = asker(&mut desk);
+    wire.comes(1, read(2, 7));
+    desk.run(SENDS + TIMEOUT + SENDS + 6);
+    assert_eq!(sent(wire), [[2, 0x83, 0x0B]]);
+    wire.comes(1, read(2, 8));
+    desk.run(2 * EXCHANGE);
+    assert_eq!(sent(wire).last(), Some(&told(2, 2, 8)));
+}
+
+#[test]
+fn two_askers_take_turns_on_one_bus() {
+    let mut desk = Desk::<2>::new(bus(|_| DELAY));
+    let askers = [asker(&mut desk), asker(&mut desk)];
+    let mut expected = [vec![], vec![]];
+    for address in 0..20 {
+        for (place, wire) in askers.iter().enumerate() {
+            let unit = 2 + place as u8;
+            wire.comes(1, read(unit, address));
+            expected[place].push(told(unit, unit, address));
+        }
+        desk.run(2 * EXCHANGE + SENDS + 4);
+    }
+    assert_eq!([sent(askers[0]), sent(askers[1])], expected);
+    // One after the other: each request began when the answer to the one before was over.
+    let requests = desk.wire.sent.borrow();
+    let apart = requests.windows(2).map(|pair| pair[1].0 - pair[0].0);
+    assert!(apart.min() >= Some(SENDS + DELAY));
+    let units: Vec<_> = requests.iter().map(|(_, bytes)| bytes[0]).collect();
+    assert_eq!(units, [2, 3].repeat(20));
+}
+
+#[test]
+fn whoever_asks_again_has_given_the_first_up() {
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let wire = asker(&mut desk);
+    // A frame begins when the one before has stood, and the answer would go out after the last of these.
+    for second in 2..SENDS + DELAY + 1 {
+        wire.comes(1, read(2, 7));
+        wire.comes(2 + second, read(4, 8));
+        desk.run(4 * EXCHANGE + TIMEOUT);
+        assert_eq!(sent(wire), [told(4, 17, 8)], "{second} ms later");
+        assert!(!wire.is_lent());
+        wire.sent.borrow_mut().clear();
+    }
+}
+
+#[test]
+fn a_request_to_another_unit_means_the_same() {
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let wire = asker(&mut desk);
+    wire.comes(1, read(2, 7));
+    wire.comes(8, read(77, 8));
+    desk.run(4 * EXCHANGE);
+    assert_eq!(sent(wire), [[0; 0]; 0]);
+    assert!(!wire.is_lent());
+}
+
+#[test]
+fn a_request_that_turns_out_void_is_not_asked() {
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let wire = asker(&mut desk);
+    wire.comes(1, Heard::Void(vec![2, 6, 0, 1, 0, 1]));
+    desk.run(4 * EXCHANGE);
+    assert_eq!(desk.sent(), [[0; 0]; 0]);
+    assert!(!wire.is_lent());
+}
+
+#[test]
+fn too_many_askers_are_told_that_there_is_no_path() {
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let askers = [asker(&mut desk), asker(&mut desk), asker(&mut desk)];
+    for wire in askers {
+        wire.comes(1, read(2, 7));
+    }
+    desk.run(4 * EXCHANGE);
+    let answers = askers.map(|wire| sent(wire)[0].clone());
+    let refused = answers.iter().filter(|answer| **answer == [2, 0x83, 0x0A]);
+    assert_eq!(refused.count(), 1, "{answers:02X?}");
+    assert_eq!(answers.iter().filter(|a| **a == told(2, 2, 7)).count(), 2);
+}
+
+#[test]
+fn a_bus_that_is_never_silent_is_no_path() {
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let wire = asker(&mut desk);
+    desk.wire.comes(1, Heard::Talk(10 * TIMEOUT));
+    wire.comes(5, read(2, 7));
+    desk.run(TIMEOUT + 5 * SENDS);
+    assert_eq!(sent(wire), [[2, 0x83, 0x0A]]);
+}

@@ -6,11 +6,13 @@ mod harness;
 #[path = "../../tests/tests/common/plain/mod.rs"]
 mod plain;
 
+mod ascii_line;
 mod codec;
 mod input;
 mod rtu_line;
 mod server_pdu;
 
+pub use ascii_line::ascii_line;
 pub use codec::codec;
 pub use rtu_line::rtu_line;
 pub use server_pdu::server_pdu;
@@ -22,5 +24,6 @@ pub type Target = (&'static str, fn(&[u8]));
 pub const TARGETS: &[Target] = &[
     ("server_pdu", server_pdu),
     ("rtu_line", rtu_line),
+    ("ascii_line", ascii_line),
     ("codec", codec),
 ];

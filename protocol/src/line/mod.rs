@@ -18,10 +18,10 @@
 //! |---|---|---|
 //! | a frame comes in | is stored | t1.5: the frame is complete, lent as provisional |
 //! | complete | voids the frame | t3.5, or a little before: the frame stands |
-//! | settled, or held back | begins a frame | t3.5: a released answer starts |
+//! | settled | begins a frame | t3.5: a released answer starts |
 //! | silent | begins a frame | - |
 //! | sending | - (the receiver is off) | - |
-//! | sent | begins a frame | t3.5: silent |
+//! | sent, or held back | begins a frame | t3.5: silent |
 
 mod ascii;
 mod wire;
@@ -40,7 +40,7 @@ enum Phase {
     Complete,
     /// As above, and a start bit was seen when the alarm went off.
     CompleteBegun,
-    /// The frame stands, or whatever is released is held back; t3.5 is near.
+    /// The frame stands; t3.5 is near.
     Settled,
     Silent,
     Sending,
@@ -432,13 +432,19 @@ impl LineMachine {
             Verdict::Pending => self.prepare(wire, len),
             Verdict::Stands if self.phase == Phase::Settled => self.prepare(wire, len),
             Verdict::Stands if self.phase == Phase::Silent => {
-                self.prepare(wire, len);
                 if !wire.start_bit_seen() {
+                    self.prepare(wire, len);
                     return self.start(wire);
                 }
-                // Somebody may have begun to talk: it is held back until t3.5 has passed without.
+                // Somebody may have begun to talk: the next try waits until t3.5 has passed without. In ASCII it may be noise as
+                // well, and the buffer is not needed yet: this try waits.
                 wire.clear_start_bit();
-                self.phase = Phase::Settled;
+                self.phase = if wire.ascii().is_some() {
+                    self.prepare(wire, len);
+                    Phase::Settled
+                } else {
+                    Phase::Sent
+                };
                 wire.alarm(Interval::T3_5);
                 wire.alarm_on();
             }

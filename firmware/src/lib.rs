@@ -17,6 +17,7 @@ pub mod line;
 pub mod port;
 pub mod receive;
 pub mod route;
+pub mod scan;
 pub mod serve;
 pub mod shared;
 

@@ -110,7 +110,8 @@ impl Default for ClientConfig {
     }
 }
 
-const fn ticks(ms: u16) -> u32 {
+/// A time in ticks of `embassy-time`.
+pub(crate) const fn ticks(ms: u16) -> u32 {
     const { assert!(TICK_HZ >= 1000, "embassy-time must tick every millisecond") };
     let ticks = ms as u64 * (TICK_HZ / 1000);
     if ticks > u32::MAX as u64 {

@@ -24,9 +24,8 @@ const JUDGED_EARLY: u32 = 128;
 /// the next, which starts the answer, must not have to wait for it.
 const JUDGED_EARLY_MIN: u32 = 32;
 
-/// A client judges a frame this part of the time from t1.5 to t3.5 before t3.5: 250 us above 19200 baud, in
-/// which it makes its next request.
-const JUDGED_EARLY_CLIENT: u32 = 4;
+/// A client judges a frame half way from t1.5 to t3.5: above 19200 baud it has 500 us to make its next request.
+const JUDGED_EARLY_CLIENT: u32 = 2;
 
 /// The framings that a line can be set up for, as a type: what is for ASCII is not in an image whose line
 /// has no use for it.

@@ -1,0 +1,91 @@
+//! A client that reads a list over and over: 16 registers, 16 coils and one register of unit 1, as often as the
+//! line allows. PB5, a Nano's LED, is on as long as all of it is fresh.
+#![no_std]
+#![no_main]
+#![feature(abi_avr_interrupt)]
+
+use embassy_avr_hal::gpio::{Output, PB5, PD2, Pins};
+use embassy_avr_hal::usart::{Settings, Usart0};
+use embassy_avr_hal::{bind_time, bind_usart0, executor, pac};
+use embassy_time::Timer;
+use embedded_hal::digital::OutputPin;
+use multidrop_firmware::protocol::format::LineFormat;
+use multidrop_firmware::scan::{Entry, Scan};
+use multidrop_firmware::{ClientConfig, ClientPort, PortConfig};
+use static_cell::StaticCell;
+
+const CLOCK_HZ: u32 = 16_000_000;
+
+const PORT: PortConfig = PortConfig::new("RS4")
+    .client()
+    .baud(38_400)
+    .format(LineFormat::F8N1);
+
+type Rs485 = Usart0<PD2, CLOCK_HZ>;
+type Port = ClientPort<Rs485, 1>;
+type List = Scan<3, 33>;
+
+bind_usart0!(Rs485);
+bind_time!(CLOCK_HZ);
+
+#[embassy_executor::task]
+async fn receive(port: &'static Port) -> ! {
+    multidrop_firmware::client_receive(port).await
+}
+
+#[embassy_executor::task]
+async fn read(port: &'static Port, list: &'static List) -> ! {
+    let client = port.client(ClientConfig::new().timeout_ms(50));
+    list.run(client).await
+}
+
+#[embassy_executor::task]
+async fn show(list: &'static List, mut led: Output<PB5>) -> ! {
+    loop {
+        Timer::after_millis(50).await;
+        let fresh = (0..3).all(|entry| !list.health(entry).is_stale(200));
+        let Ok(()) = led.set_state(fresh.into());
+    }
+}
+
+#[avr_device::entry]
+fn main() -> ! {
+    let chip = pac::Peripherals::take().unwrap();
+    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
+    let settings = const {
+        match Settings::new(&PORT.line(), CLOCK_HZ) {
+            Ok(settings) => settings,
+            Err(_) => panic!("38400 baud at 16 MHz"),
+        }
+    };
+    let line = Rs485::new(
+        chip.USART0,
+        &chip.TC1,
+        pins.PD0,
+        pins.PD1,
+        pins.PD2,
+        settings,
+    );
+    start_time();
+
+    static PORT_CELL: StaticCell<Port> = StaticCell::new();
+    let port = PORT_CELL.init(Port::new(line));
+    static LIST: StaticCell<List> = StaticCell::new();
+    let list = LIST.init(List::new([
+        Entry::holding_registers(1, 0, 16).period_ms(1),
+        Entry::coils(1, 0, 16).period_ms(1),
+        Entry::holding_registers(1, 15, 1).period_ms(1),
+    ]));
+    let led = Output::new(pins.PB5, false);
+    executor::run(|spawner| {
+        spawner.spawn(receive(port).unwrap());
+        spawner.spawn(read(port, list).unwrap());
+        spawner.spawn(show(list, led).unwrap());
+    })
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    // Never linked: `panic = "immediate-abort"`.
+    loop {}
+}

@@ -1,0 +1,308 @@
+//! The scan list: what a client reads over and over, each entry with its period, and how each of them does.
+//!
+//! A list is a `static` that the application looks at whenever it likes; [`Scan::run`] is the body of a task. When
+//! several entries are due, the one behind the last one read goes first, and each is read once before any of
+//! them again: a fast one does not keep a slow one from its turn. Periods that pass while an entry waits are left
+//! out: it is read once, and next a period later.
+//!
+//! ```ignore
+//! static SCAN: StaticCell<Scan<2, 6>> = StaticCell::new();
+//! let scan = SCAN.init(Scan::new([
+//!     Entry::holding_registers(17, 100, 4).period_ms(250), // cells 0 to 3
+//!     Entry::input_registers(18, 0, 2).period_ms(1000),    // cells 4 and 5
+//! ]));
+//! // in a task: scan.run(client).await
+//! let level = scan.look(0, |cells| cells[2]);
+//! if scan.health(1).is_stale(5000) { /* unit 18 has not answered for five seconds */ }
+//! ```
+
+use core::cell::{Cell, RefCell};
+
+use embassy_time::{Duration, Instant, Timer};
+use multidrop_protocol::client::{ReadBits, ReadRegisters, Request};
+use multidrop_protocol::function;
+
+use crate::client::{Client, ClientError, ticks};
+use crate::line::Line;
+
+/// One block that is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    unit: u8,
+    function: u8,
+    first: u16,
+    count: u16,
+    period: Ticks,
+}
+
+/// A time in ticks of `embassy-time`: 32 bits are enough for it, and are added in half the time.
+type Ticks = u32;
+
+impl Entry {
+    /// Function 03: `count` holding registers of `unit` from `first` on, 1..=125, every second.
+    ///
+    /// # Panics
+    /// As all of these: if the unit is not 1..=247, the count out of range, or the block runs past address
+    /// 65535; in a `const` that is a build error.
+    pub const fn holding_registers(unit: u8, first: u16, count: u16) -> Self {
+        let limit = function::READ_REGISTERS_MAX;
+        Self::new(unit, function::READ_HOLDING_REGISTERS, first, count, limit)
+    }
+
+    /// Function 04: input registers, as [`holding_registers`](Self::holding_registers).
+    pub const fn input_registers(unit: u8, first: u16, count: u16) -> Self {
+        let limit = function::READ_REGISTERS_MAX;
+        Self::new(unit, function::READ_INPUT_REGISTERS, first, count, limit)
+    }
+
+    /// Function 01: coils, 1..=2000, each a cell of 0 or 1.
+    pub const fn coils(unit: u8, first: u16, count: u16) -> Self {
+        let limit = function::READ_BITS_MAX;
+        Self::new(unit, function::READ_COILS, first, count, limit)
+    }
+
+    /// Function 02: discrete inputs, as [`coils`](Self::coils).
+    pub const fn discrete_inputs(unit: u8, first: u16, count: u16) -> Self {
+        let limit = function::READ_BITS_MAX;
+        Self::new(unit, function::READ_DISCRETE_INPUTS, first, count, limit)
+    }
+
+    const fn new(unit: u8, function: u8, first: u16, count: u16, limit: u16) -> Self {
+        assert!(unit >= 1 && unit <= 247, "unit must be 1..=247");
+        assert!(
+            count >= 1 && count <= limit,
+            "count must be 1..=125 registers or 1..=2000 bits"
+        );
+        assert!(
+            first as u32 + count as u32 <= 65536,
+            "first and count must end at address 65535 or before"
+        );
+        Self {
+            unit,
+            function,
+            first,
+            count,
+            period: ticks(1000),
+        }
+    }
+
+    /// How often it is read, in ms: 1..=65535.
+    ///
+    /// # Panics
+    /// If it is 0; in a `const` that is a build error.
+    pub const fn period_ms(mut self, ms: u16) -> Self {
+        assert!(ms > 0, "period_ms is 0, must be 1..=65535");
+        self.period = ticks(ms);
+        self
+    }
+
+    const fn period(&self) -> Duration {
+        Duration::from_ticks(self.period as u64)
+    }
+}
+
+/// How an entry does, since the start. Counts stay at their end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Health {
+    /// Good answers.
+    pub answers: u16,
+    /// Times that nothing was heard.
+    pub timeouts: u16,
+    /// Refusals by the server.
+    pub exceptions: u16,
+    /// All else: wrong or damaged answers, a line that was never silent.
+    pub others: u16,
+    /// What went wrong last; `None` if nothing did.
+    pub last_error: Option<ClientError>,
+    /// When the cells were filled last; `None` if they never were.
+    pub answered_at: Option<Instant>,
+}
+
+impl Health {
+    const fn new() -> Self {
+        Self {
+            answers: 0,
+            timeouts: 0,
+            exceptions: 0,
+            others: 0,
+            last_error: None,
+            answered_at: None,
+        }
+    }
+
+    /// How old the cells are; `None` if they were never filled.
+    pub fn age(&self) -> Option<Duration> {
+        self.answered_at.map(|at| at.elapsed())
+    }
+
+    /// Whether the cells are older than so many ms, or were never filled.
+    pub fn is_stale(&self, ms: u32) -> bool {
+        self.age()
+            .is_none_or(|age| age > Duration::from_millis(ms.into()))
+    }
+
+    fn note(&mut self, result: Result<(), ClientError>, now: Instant) {
+        let count = match result {
+            Ok(()) => {
+                self.answered_at = Some(now);
+                &mut self.answers
+            }
+            Err(ClientError::Timeout) => &mut self.timeouts,
+            Err(ClientError::Exception(_) | ClientError::UnknownException(_)) => {
+                &mut self.exceptions
+            }
+            Err(_) => &mut self.others,
+        };
+        *count = count.saturating_add(1);
+        self.last_error = result.err().or(self.last_error);
+    }
+}
+
+/// `E` entries, and `C` cells for what they read: the first entry has the first cells.
+pub struct Scan<const E: usize, const C: usize> {
+    entries: [Entry; E],
+    cells: RefCell<[u16; C]>,
+    health: [Cell<Health>; E],
+}
+
+impl<const E: usize, const C: usize> Scan<E, C> {
+    /// A list that nothing has been read of: all cells are 0.
+    ///
+    /// # Panics
+    /// Unless there are as many cells as the entries read; in a `const` that is a build error.
+    pub const fn new(entries: [Entry; E]) -> Self {
+        const { assert!(E > 0, "a scan list must have an entry") };
+        let mut cells = 0;
+        let mut index = 0;
+        while index < E {
+            cells += entries[index].count as usize;
+            index += 1;
+        }
+        assert!(
+            cells == C,
+            "a scan list must have as many cells as its entries read"
+        );
+        Self {
+            entries,
+            cells: RefCell::new([0; C]),
+            health: [const { Cell::new(Health::new()) }; E],
+        }
+    }
+
+    /// How an entry does.
+    ///
+    /// # Panics
+    /// If there is no such entry.
+    pub fn health(&self, entry: usize) -> Health {
+        self.health[entry].get()
+    }
+
+    /// What `look` makes of the cells of an entry: all of one answer.
+    ///
+    /// # Panics
+    /// If there is no such entry.
+    pub fn look<R>(&self, entry: usize, look: impl FnOnce(&[u16]) -> R) -> R {
+        let (from, to) = self.range(entry);
+        look(&self.cells.borrow()[from..to])
+    }
+
+    /// The cells of an entry.
+    fn range(&self, entry: usize) -> (usize, usize) {
+        let before = self.entries[..entry].iter();
+        let from = before.map(|entry| usize::from(entry.count)).sum();
+        (from, from + usize::from(self.entries[entry].count))
+    }
+
+    /// Reads for ever. Cells are filled when an answer stands, and not at all by any other.
+    ///
+    /// # Cancellation
+    /// Safe: the list may be run again.
+    pub async fn run<L: Line + 'static, const N: usize>(&self, client: Client<L, N>) -> ! {
+        let mut now = Instant::now();
+        let mut due = [now; E];
+        let mut entry = E - 1;
+        loop {
+            if !next_due(&due, now, &mut entry) {
+                let soonest = due.iter().copied().min().unwrap_or(now);
+                Timer::at(soonest).await;
+                now = Instant::now();
+                continue;
+            }
+            let period = self.entries[entry].period();
+            due[entry] += period;
+            if due[entry] <= now {
+                due[entry] = now + period;
+            }
+            let result = self.read(entry, &client).await;
+            now = Instant::now();
+            let mut health = self.health[entry].get();
+            health.note(result, now);
+            self.health[entry].set(health);
+        }
+    }
+
+    async fn read<L: Line + 'static, const N: usize>(
+        &self,
+        entry: usize,
+        client: &Client<L, N>,
+    ) -> Result<(), ClientError> {
+        let Entry {
+            unit,
+            function,
+            first,
+            count,
+            ..
+        } = self.entries[entry];
+        let (from, to) = self.range(entry);
+        let bits = match function {
+            function::READ_COILS => Some(ReadBits::coils(first, count)),
+            function::READ_DISCRETE_INPUTS => Some(ReadBits::discrete_inputs(first, count)),
+            _ => None,
+        };
+        let registers = match function {
+            function::READ_INPUT_REGISTERS => ReadRegisters::input(first, count),
+            _ => ReadRegisters::holding(first, count),
+        };
+        let request: &dyn Request = match &bits {
+            Some(bits) => bits,
+            None => &registers,
+        };
+        let Some(reply) = client.transact(unit, request).await? else {
+            return Ok(());
+        };
+        let mut cells = self.cells.borrow_mut();
+        let cells = &mut cells[from..to];
+        match bits {
+            Some(bits) => {
+                let coils = bits.answer(reply.bytes())?;
+                for (eight, &byte) in cells.chunks_mut(8).zip(coils.bytes()) {
+                    let mut byte = byte;
+                    for cell in eight {
+                        *cell = u16::from(byte & 1);
+                        byte >>= 1;
+                    }
+                }
+            }
+            None => registers.answer(reply.bytes())?.copy_to(cells),
+        }
+        Ok(())
+    }
+}
+
+/// Moves `entry` on to the next one that is due, going round; false if none is.
+fn next_due(due: &[Instant], now: Instant, entry: &mut usize) -> bool {
+    let begun = *entry;
+    loop {
+        *entry = if *entry + 1 < due.len() {
+            *entry + 1
+        } else {
+            0
+        };
+        if due[*entry] <= now {
+            return true;
+        }
+        if *entry == begun {
+            return false;
+        }
+    }
+}

@@ -12,6 +12,7 @@
 //! | [`function`], [`exception`] | codes and limits of the standard |
 //! | [`data`] | blocks of coils and registers as they stand in a frame |
 //! | [`server`] | a request in, an answer out, in one buffer |
+//! | [`sniffer`] | frames of others: which answers which, as text |
 //! | [`client`] | a request made, an answer held against it |
 //! | [`number`] | wider numbers and text across registers |
 //! | [`registers`] | banks of registers and coils for a data model, rules on what may be written |
@@ -39,6 +40,7 @@ pub mod port_registers;
 pub mod registers;
 pub mod rtu;
 pub mod server;
+pub mod sniffer;
 pub mod timing;
 
 /// The unit id that every server listens to and none answers (SER 2.2).

@@ -10,7 +10,7 @@ use crate::line::{InterCharacter, LineConfig, Role};
 
 /// Configuration of one port, built in a `const`: a wrong value stops the build with a message that
 /// names port, field and value. Fields are named after the registers `MB_xxx` of a
-/// managed port, which begins with them; each is checked against those set before it.
+/// [managed port](crate::managed), which begins with them; each is checked against those set before it.
 ///
 /// ```
 /// use multidrop_firmware::PortConfig;

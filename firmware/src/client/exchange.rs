@@ -15,7 +15,7 @@ use crate::line::{Frame, Line};
 pub(super) type Heard<L> = Result<Frame<'static, L>, Flaws>;
 
 /// The right to the line, held by one request at a time.
-pub(super) type Turn<const N: usize> = SemaphoreReleaser<'static, FairSemaphore<NoopRawMutex, N>>;
+pub(crate) type Turn<const N: usize> = SemaphoreReleaser<'static, FairSemaphore<NoopRawMutex, N>>;
 
 /// The turns of the clients of one port, and the way of what is heard to the one that waits for it. `N` tasks may
 /// ask, at least 1: one that has just been answered and asks again waits behind those that wait, and one
@@ -56,8 +56,13 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         self.turn.try_acquire(1).is_none()
     }
 
+    /// Whether a request is out and its answer waited for.
+    pub fn awaits_answer(&self) -> bool {
+        self.expecting.get()
+    }
+
     /// Waits for the line, behind those who asked before.
-    pub(super) async fn turn(&'static self) -> Result<Turn<N>, ClientError> {
+    pub(crate) async fn turn(&'static self) -> Result<Turn<N>, ClientError> {
         self.turn
             .acquire(1)
             .await

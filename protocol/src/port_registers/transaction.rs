@@ -17,6 +17,7 @@ use crate::registers::items::{Items, Run, run};
 pub struct Transaction {
     function: u8,
     unit: u8,
+    base: u16,
     offset: u16,
     left: u16,
     scans: bool,
@@ -60,6 +61,7 @@ where
         Transaction {
             function: self.function,
             unit: self.settings.slave_id,
+            base: self.settings.base,
             offset,
             left,
             scans: R::SCANS && !is_for_coils(self.function),
@@ -72,37 +74,32 @@ where
         let Transaction {
             function,
             mut unit,
+            base,
             offset,
             left,
             scans,
         } = *transaction;
+        let for_coils = is_for_coils(function);
         if left == 0 {
             return None;
         }
-        let taken;
         let found = if scans {
             let entry = self.regs.entry(offset)?;
             unit = entry.unit;
-            taken = 1;
             run(&self.regs, entry.index, 1)?
-        } else if !is_for_coils(function) {
-            let found = run(&self.regs, offset, left)?;
-            taken = found.count;
-            found
-        } else if C::SPARSE {
-            let found = run(&self.coils, offset, left)?;
-            taken = found.count;
-            found
+        } else if for_coils && C::SPARSE {
+            run(&self.coils, offset, left)?
+        } else if !for_coils && R::SPARSE {
+            run(&self.regs, offset, left)?
         } else {
-            taken = left;
             Run {
-                index: 0,
-                first: self.settings.base.checked_add(offset)?,
+                index: if for_coils { 0 } else { offset },
+                first: base.checked_add(offset)?,
                 count: left,
             }
         };
-        transaction.left -= taken;
-        transaction.offset = offset.saturating_add(taken);
+        transaction.left -= found.count;
+        transaction.offset = offset.saturating_add(found.count);
         Some(Step {
             unit,
             first: found.first,

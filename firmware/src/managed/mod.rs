@@ -1,0 +1,248 @@
+//! A managed port: a line with its register set `MB_xxx`, all of it changed at run time.
+//!
+//! [`ManagedPort`] is what its two tasks share with the application: [`managed_receive`] takes frames from the
+//! line, [`managed_run`] does all else, one thing at a time: it answers as a slave, carries out what START has
+//! started as a master, and follows loads of MODE, SLAVEID and the settings of the line in between. So a
+//! setting is never changed under a request, an answer or a transaction, and nothing of an old setting is on the
+//! wire with a new one.
+//!
+//! ```ignore
+//! const RS4: PortConfig = PortConfig::new("RS4").baud(38_400).slave_id(17);
+//! type Rs4 = ManagedPort<Rs485, PortRegisters<Bank<16>, NoCoils, NoRules>>;
+//!
+//! static CELL: StaticCell<Rs4> = StaticCell::new();
+//! let port = CELL.init(ManagedPort::new(line, &RS4, RS4.bank(), NoCoils));
+//! spawner.spawn(receive(port).unwrap()); // managed_receive(port).await
+//! spawner.spawn(run(port).unwrap()); // managed_run(port).await
+//!
+//! port.load(Register::Mode, 0)?; // master, from a slave, without a reset
+//! port.load(Register::Func, 3)?;
+//! port.load(Register::RegOff, 2)?;
+//! port.load(Register::RegCnt, 4)?;
+//! port.start()?; // LOAD(RS4, 1)
+//! match port.done().await {
+//!     Ok(()) => port.registers().with(|rs4| use_them(&rs4.regs().cells()[2..6])), // DATAOK
+//!     Err(failure) => show(failure.error()), // DATAERR
+//! }
+//! ```
+
+mod failure;
+mod tasks;
+
+pub use failure::{Failure, Outcome};
+pub use tasks::{managed_receive, managed_run};
+
+use core::cell::Cell;
+
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
+use multidrop_protocol::port_registers::{
+    Change, Flow, LineSettings, Mode, PortRegisters, Reason, Refused, Register, Status, Transaction,
+};
+use multidrop_protocol::registers::{Items, Rules};
+use multidrop_protocol::server::{Counted, Server, Uncounted};
+
+use crate::client::{Client, ClientConfig, Exchange};
+use crate::config::{PortConfig, client_config, line_config};
+use crate::line::{Frame, Line, LineConfig, LineError};
+use crate::shared::Shared;
+
+/// Events that are kept for [`ManagedPort::event`]; the oldest is dropped for one more.
+pub const EVENTS: usize = 4;
+
+/// What START has started, as everything was set then.
+#[derive(Clone, Copy)]
+struct Started {
+    transaction: Transaction,
+    line: LineConfig,
+    times: ClientConfig,
+}
+
+/// A port on line `L` with registers `P`, which are [`PortRegisters`]. `D` says whether its server counts;
+/// `N` requests of [clients](Self::client) and the port itself may wait while one runs.
+pub struct ManagedPort<L: Line + 'static, P, D = Uncounted, const N: usize = 1> {
+    name: &'static str,
+    line: L,
+    registers: Shared<P>,
+    server: Server<D>,
+    exchange: Exchange<L, N>,
+    requests: Signal<NoopRawMutex, Frame<'static, L>>,
+    /// What is in effect; the registers may be ahead of it.
+    mode: Cell<Mode>,
+    config: Cell<LineConfig>,
+    /// To be followed by the run task, which `work` wakes.
+    changed: Cell<bool>,
+    started: Cell<Option<Started>>,
+    work: Signal<NoopRawMutex, ()>,
+    done: Signal<NoopRawMutex, Outcome>,
+    events: Channel<NoopRawMutex, Outcome, EVENTS>,
+}
+
+impl<L, R, C, V> ManagedPort<L, PortRegisters<R, C, V>>
+where
+    L: Line + 'static,
+    R: Items<Item = u16>,
+    C: Items<Item = bool>,
+    V: Rules,
+{
+    /// A port on `line`, which the board has set up from the same `config`, with one place to wait and a server
+    /// that does not count.
+    ///
+    /// # Panics
+    /// If the arrays run past address 65535; [`PortConfig::bank`] finds that at compile time.
+    pub fn new(line: L, config: &PortConfig, regs: R, coils: C) -> Self {
+        Self::with(line, config, regs, coils, Uncounted)
+    }
+}
+
+impl<L, R, C, V, const LOG: usize> ManagedPort<L, PortRegisters<R, C, V>, Counted<LOG>>
+where
+    L: Line + 'static,
+    R: Items<Item = u16>,
+    C: Items<Item = bool>,
+    V: Rules,
+{
+    /// The same with all counters of a server and a log of the last `LOG` events, 0 to 64.
+    ///
+    /// # Panics
+    /// If the arrays run past address 65535; [`PortConfig::bank`] finds that at compile time.
+    pub fn counted(line: L, config: &PortConfig, regs: R, coils: C) -> Self {
+        Self::with(line, config, regs, coils, Counted::new())
+    }
+}
+
+impl<L, R, C, V, D, const N: usize> ManagedPort<L, PortRegisters<R, C, V>, D, N>
+where
+    L: Line + 'static,
+    R: Items<Item = u16>,
+    C: Items<Item = bool>,
+    V: Rules,
+{
+    /// A port on `line`, which the board has set up from the same `config`, with these counters.
+    ///
+    /// # Panics
+    /// If the arrays run past address 65535; [`PortConfig::bank`] finds that at compile time.
+    pub fn with(line: L, config: &PortConfig, regs: R, coils: C, diagnostics: D) -> Self {
+        let settings = *config.settings();
+        Self {
+            name: config.name(),
+            line,
+            registers: Shared::new(PortRegisters::new(settings, regs, coils)),
+            server: Server::with(config.unit().max(1), diagnostics),
+            exchange: Exchange::new(),
+            requests: Signal::new(),
+            mode: Cell::new(Mode::Off),
+            config: Cell::new(config.line()),
+            changed: Cell::new(true),
+            started: Cell::new(None),
+            work: Signal::new(),
+            done: Signal::new(),
+            events: Channel::new(),
+        }
+    }
+
+    /// The port's name, such as `"RS4"`.
+    pub const fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Loads a register, `LOAD(MB_RS4_name, value)`. What concerns the line or the part that the port plays is in
+    /// effect as soon as no request is being answered and no transaction runs; what is loaded before START is in
+    /// effect before its request goes out, what is loaded behind it not before its end.
+    ///
+    /// # Errors
+    /// [`Refused`]: names register, value, and what would be right. The old value is kept, and a
+    /// transaction under way is untouched.
+    pub fn load(&self, register: Register, value: u32) -> Result<(), Refused> {
+        self.registers.with(|registers| {
+            match registers.load_checked(register, value, &|line| self.check(line))? {
+                Change::Done => return Ok(()),
+                Change::Mode | Change::Line => self.changed.set(true),
+                Change::Start => {
+                    self.done.reset();
+                    let settings = registers.settings();
+                    self.started.set(Some(Started {
+                        transaction: registers.transaction(),
+                        line: line_config(Mode::Master, &settings.line),
+                        times: client_config(settings),
+                    }));
+                }
+            }
+            self.work.signal(());
+            Ok(())
+        })
+    }
+
+    fn check(&self, line: &LineSettings) -> Result<(), Reason> {
+        if line.duplex != L::DUPLEX {
+            return Err(Reason::Wiring);
+        }
+        if line.flow == Flow::RtsCts && !L::RTS_CTS {
+            return Err(Reason::Chip);
+        }
+        let config = line_config(self.mode.get(), line);
+        self.line.check(&config).map_err(|error| match error {
+            LineError::Baud { nearest } => Reason::Baud(nearest),
+            LineError::Format(_) => Reason::Chip,
+            LineError::Framing(framing) => Reason::Framing(framing),
+        })
+    }
+
+    /// Reads a register, at any time.
+    ///
+    /// # Errors
+    /// [`Refused`] for an element that an array does not have.
+    pub fn read(&self, register: Register) -> Result<u32, Refused> {
+        self.registers.with(|registers| {
+            registers.proceed(if self.exchange.awaits_answer() {
+                Status::Receiving
+            } else {
+                Status::Transmitting
+            });
+            registers.read(register)
+        })
+    }
+
+    /// Starts the transaction that the registers describe, `LOAD(RS4, 1)`.
+    ///
+    /// # Errors
+    /// [`Refused`], with the register that stands in the way; a transaction under way is untouched.
+    pub fn start(&self) -> Result<(), Refused> {
+        self.load(Register::Start, 1)
+    }
+
+    /// Waits for the end of the transaction that was started last: DATAOK, or DATAERR with its reason. For one task;
+    /// others have [`event`](Self::event).
+    ///
+    /// # Cancellation
+    /// Safe: the transaction goes on, and its end is kept until it is asked for or another is started.
+    pub async fn done(&self) -> Outcome {
+        self.done.wait().await
+    }
+
+    /// The ends of all transactions, one after the other: DATAOK and DATAERR for a task that does not start them
+    /// itself. [`EVENTS`] of them are kept.
+    ///
+    /// # Cancellation
+    /// Safe.
+    pub async fn event(&self) -> Outcome {
+        self.events.receive().await
+    }
+
+    /// The registers with their arrays.
+    pub const fn registers(&self) -> &Shared<PortRegisters<R, C, V>> {
+        &self.registers
+    }
+
+    /// The server of the port's slave: its unit id and counters.
+    pub const fn server(&self) -> &Server<D> {
+        &self.server
+    }
+
+    /// A client for requests that the registers do not describe. Its requests wait as long as the port is not
+    /// master.
+    pub const fn client(&'static self, times: ClientConfig) -> Client<L, N> {
+        Client::new(&self.line, &self.exchange, times)
+    }
+}

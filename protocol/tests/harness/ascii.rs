@@ -219,12 +219,14 @@ fn judge<const MAY_FAIL: bool>(
     assert_eq!(events.next(), None, "fetched or executed unasked");
     assert_eq!(left.next().map(|talk| talk.request), None, "talked unasked");
     if !circumstances.interference {
-        // Each frame is fetched, or told as damaged.
-        let told = unit
-            .events
-            .iter()
-            .filter(|event| matches!(event, Event::Damaged(_)));
-        assert_eq!(told.count(), verdict.bad + lost, "damaged frames told");
+        // Each frame is fetched, or told as damaged. One that a slow task had no buffer for is damaged too when a `:` cuts it
+        // short, which else is told of nobody.
+        let told = unit.events.iter();
+        let told = told.filter(|event| matches!(event, Event::Damaged(_)));
+        let told = told.count().wrapping_sub(verdict.bad + lost);
+        let colons = chars.iter().filter(|char| char.byte == b':').count();
+        let most = if prompt { 0 } else { colons };
+        assert!(told <= most, "damaged frames told: {told} too many");
     }
     verdict
 }

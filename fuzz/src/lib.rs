@@ -7,12 +7,17 @@ mod harness;
 mod plain;
 
 mod ascii_line;
+/// The standard read line by line, for a client.
+#[path = "../../protocol/tests/asker/mod.rs"]
+mod asker;
+mod client_answers;
 mod codec;
 mod input;
 mod rtu_line;
 mod server_pdu;
 
 pub use ascii_line::ascii_line;
+pub use client_answers::client_answers;
 pub use codec::codec;
 pub use rtu_line::rtu_line;
 pub use server_pdu::server_pdu;
@@ -26,4 +31,5 @@ pub const TARGETS: &[Target] = &[
     ("rtu_line", rtu_line),
     ("ascii_line", ascii_line),
     ("codec", codec),
+    ("client_answers", client_answers),
 ];

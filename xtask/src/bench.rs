@@ -20,6 +20,9 @@ const BAUDS: [u32; 6] = [38_400, 57_600, 115_200, 250_000, 500_000, 1_000_000];
 const KEPT: &str = "figures/nano.json";
 const README: &str = "README.md";
 
+/// The same of the server on the host.
+const KEPT_HOST: &str = "figures/host.json";
+
 /// Measures and prints the table.
 ///
 /// # Errors
@@ -28,15 +31,52 @@ pub fn run(json: Option<&Path>, record: bool) -> Result<(), Error> {
     if let Some(json) = json {
         check_json(json)?;
     }
-    setup::require(&[Purpose::Firmware, Purpose::Simulator])?;
+    // One of the programs runs in another folder.
+    let absolute = |path| std::path::absolute(path).map_err(|error| Error::io("--json", error));
+    let json = json.map(absolute).transpose()?;
+    setup::require(&[Purpose::Firmware, Purpose::Simulator, Purpose::Profiler])?;
     let mut bench = measured(&Builder::new()?)?;
-    if let Some(json) = json {
-        bench.arg("--json").arg(json);
+    let mut speed =
+        repo::cargo_in_root(&["bench", "--quiet", "--package", HOST, "--bench", "server"]);
+    speed.args(["--", "--noplot", "--quiet"]);
+    let criterion = repo::root().join("target/host-criterion");
+    speed.env("CRITERION_HOME", &criterion);
+    let mut host = on_host();
+    host.arg("--criterion").arg(criterion);
+    // The second adds to the file of the first.
+    for command in [&mut bench, &mut host] {
+        if let Some(json) = &json {
+            command.arg("--json").arg(json);
+        }
+        if record {
+            command.arg("--record");
+        }
     }
-    if record {
-        bench.arg("--record");
-    }
-    repo::run(&mut bench)
+    repo::run(&mut bench)?;
+    repo::run(&mut speed)?;
+    repo::run(&mut host)
+}
+
+/// The package that measures the server on the host.
+pub const HOST: &str = "multidrop-host-bench";
+
+/// The command that counts the instructions of the server on the host.
+fn on_host() -> Command {
+    let arguments = ["run", "--quiet", "--release", "--package", HOST];
+    let mut host = repo::cargo_in_root(&arguments);
+    let compiler = repo::output_of(Command::new("rustc").arg("--version"));
+    let compiler = compiler.unwrap_or_else(|| "an unknown compiler".to_owned());
+    host.args(["--", "measure", "--compiler"]);
+    host.arg(format!("{compiler}, {}", std::env::consts::ARCH));
+    host.arg("--kept").arg(repo::root().join(KEPT_HOST));
+    host
+}
+
+/// As [`check`], of the server on the host.
+pub fn check_on_host() -> Command {
+    let mut host = on_host();
+    host.arg("--check");
+    host
 }
 
 /// What cannot be written is said now, not after the measurements.

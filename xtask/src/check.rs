@@ -31,6 +31,7 @@ pub fn run() -> Result<(), Error> {
         Purpose::Firmware,
         Purpose::Simulator,
         Purpose::Client,
+        Purpose::Profiler,
         Purpose::Checks,
     ];
     match setup::prepare(&purposes) {
@@ -83,7 +84,7 @@ fn run_all(tally: &mut Tally) {
     }
 
     let mut units = repo::cargo_in_root(&["test", "--no-fail-fast", "--workspace"]);
-    units.args(["--exclude", SIMULATED]);
+    units.args(["--exclude", SIMULATED, "--exclude", bench::HOST]);
     run_tests(tally, "tests of the host's crates", units, Summary::Rust);
     let name = "corpus of the fuzz targets";
     run_tests(tally, name, crate::fuzz::replay(), Summary::Rust);
@@ -104,6 +105,9 @@ fn run_all(tally: &mut Tally) {
             }
         }
     }
+
+    let name = "figures of the server on the host";
+    run_tests(tally, name, bench::check_on_host(), Summary::Rust);
 
     let mut clients = Command::new(python::interpreter());
     clients

@@ -18,6 +18,8 @@ pub enum Purpose {
     Simulator,
     /// A Modbus client that others wrote.
     Client,
+    /// Counting the instructions of programs on the host.
+    Profiler,
     /// The checks of `test` that go beyond that.
     Checks,
 }
@@ -142,6 +144,13 @@ pub const ALL: &[Need] = &[
         found: || program("mbpoll"),
         debian: &["mbpoll"],
         by_hand: "elsewhere: build it from the repository epsilonrt/mbpoll",
+    },
+    Need {
+        name: "valgrind",
+        purpose: Purpose::Profiler,
+        found: || program("valgrind"),
+        debian: &["valgrind"],
+        by_hand: "Fedora, Arch: valgrind; macOS: only up to the version that its site names",
     },
     Need {
         name: "sigrok-cli",

@@ -389,7 +389,7 @@ impl<'a> Requests<'a> {
         for count in lengths {
             let file = match self.one_in(20) {
                 true => self.pick(&[0, 3, 6, 0xffff]),
-                false => self.pick(&[4, 4, 4, 4, 4, 4, 5]),
+                false => self.pick(&[4, 4, 4, 5]),
             };
             let last = if file == 5 { 10_000 } else { 32u16 }.saturating_sub(count);
             let first = match self.below(20) {

@@ -7,7 +7,7 @@ use std::future::{Future, poll_fn};
 use std::pin::Pin;
 use std::task::{Context, Poll, Waker};
 
-use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
+use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError, TransmitError};
 use multidrop_firmware::protocol::data::{Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::registers::Bank;
@@ -23,6 +23,8 @@ struct Wire {
     released: Cell<u8>,
     /// What was released went out.
     whole: Cell<bool>,
+    /// So many times somebody else begins to talk first.
+    overtaken: Cell<usize>,
     /// What went on the wire, and only once the frame stood.
     sent: RefCell<Vec<Vec<u8>>>,
     lent_adu: Cell<*mut Adu>,
@@ -96,6 +98,11 @@ impl Wire {
     /// The transmitter: starts when the frame stands and an answer is released.
     fn go(&self) {
         if self.verdict.get() == Some(true) && self.released.get() > 0 {
+            if let Some(left) = self.overtaken.get().checked_sub(1) {
+                self.overtaken.set(left);
+                self.released.set(0);
+                return;
+            }
             self.whole.set(true);
             // SAFETY: the frame is lent, so its buffer is alive; the tasks are not running.
             let adu = unsafe { &*self.lent_adu.get() };
@@ -281,4 +288,37 @@ fn a_dropped_task_gives_the_frame_back() {
     bench.tasks.clear();
     assert!(!bench.wire.lent.get());
     assert_eq!(bench.wire.released.get(), 0);
+}
+
+fn transmit(wire: &'static Wire, bytes: &[u8]) -> Result<(), TransmitError> {
+    let line = TestLine(wire);
+    let mut transmit = std::pin::pin!(line.transmit(bytes));
+    let mut context = Context::from_waker(Waker::noop());
+    match transmit.as_mut().poll(&mut context) {
+        Poll::Ready(result) => result,
+        Poll::Pending => panic!("waits for what is there"),
+    }
+}
+
+#[test]
+fn what_cannot_be_a_frame_is_not_transmitted() {
+    let wire: &'static Wire = Box::leak(Box::default());
+    for len in [0, 1, 255, 256, 300] {
+        let result = transmit(wire, &vec![7; len]);
+        assert_eq!(result, Err(TransmitError::Length(len)));
+    }
+    for len in [2, 254] {
+        assert_eq!(transmit(wire, &vec![7; len]), Ok(()));
+    }
+    assert_eq!(wire.sent.take(), [vec![7; 2], vec![7; 254]]);
+    assert!(!wire.lent.get());
+}
+
+#[test]
+fn whoever_is_overtaken_tries_again_until_it_is_sent() {
+    let wire: &'static Wire = Box::leak(Box::default());
+    wire.overtaken.set(3);
+    assert_eq!(transmit(wire, &[1, 2, 3]), Ok(()));
+    assert_eq!(wire.sent.take(), [[1, 2, 3]]);
+    assert_eq!(wire.overtaken.get(), 0);
 }

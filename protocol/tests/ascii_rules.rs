@@ -180,6 +180,7 @@ fn the_longest_frames_and_one_byte_more() {
         b":00\r\n",
         b":11EF\r\n",
         b":1103006B00037\r\n",
+        b":1103006B00037E0\r\n",
     ] {
         let seen = play(&[0], &[polite(frame(9, text))]);
         assert_eq!(counts(seen), (0, 1, 0, 0), "{text:?}");

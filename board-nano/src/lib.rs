@@ -32,6 +32,16 @@ pub type Rs485 = Usart0<De, CLOCK_HZ>;
 /// The same, for a port that speaks ASCII, at times or always.
 pub type Rs485Ascii = Usart0<De, CLOCK_HZ, RtuAndAscii>;
 
+/// The same, for an application that can be built for either: with ASCII where [`options::ascii`] asks for it.
+pub type Rs485Option = Usart0<De, CLOCK_HZ, OptionFramings>;
+
+/// Of [`Rs485Option`].
+pub enum OptionFramings {}
+
+impl Framings for OptionFramings {
+    const ASCII: bool = options::ascii();
+}
+
 /// Line settings of a port at the Nano's clock, for a `const`: what the chip cannot do stops the
 /// build.
 pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {

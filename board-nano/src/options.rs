@@ -1,7 +1,7 @@
 //! Options of a build, taken from environment variables: `MULTIDROP_UNIT=2 cargo build --release`, or
 //! `cargo xtask build nano demo-unit --unit 2`, which sets them.
 
-use multidrop_firmware::protocol::format::LineFormat;
+use multidrop_firmware::protocol::format::{Framing, LineFormat};
 
 /// `MULTIDROP_UNIT`, or `default`.
 pub const fn unit(default: u32) -> u32 {
@@ -23,9 +23,10 @@ pub const fn baud(default: u32) -> u32 {
     number(option_env!("MULTIDROP_BAUD"), default)
 }
 
-/// `MULTIDROP_FORMAT`, or `default`.
+/// `MULTIDROP_FORMAT`; without it `default`, and 7E1 for ASCII (SER 2.5.2).
 pub const fn format(default: LineFormat) -> LineFormat {
     match option_env!("MULTIDROP_FORMAT") {
+        None if ascii() => LineFormat::F7E1,
         None => default,
         Some(name) => match LineFormat::from_name(name) {
             Some(format) => format,
@@ -54,6 +55,11 @@ pub const fn ascii() -> bool {
             _ => panic!("MULTIDROP_ASCII must be 1 or not be set"),
         },
     }
+}
+
+/// The framing that [`ascii`] says.
+pub const fn framing() -> Framing {
+    if ascii() { Framing::Ascii } else { Framing::Rtu }
 }
 
 const fn number(text: Option<&str>, default: u32) -> u32 {

@@ -39,7 +39,7 @@
 #![no_main]
 #![feature(abi_avr_interrupt)]
 
-use board_nano::{CLOCK_HZ, Rs485, options, settings};
+use board_nano::{CLOCK_HZ, Rs485Option as Rs485, options, settings};
 use embassy_avr_hal::gpio::{Output, PB5, Pins};
 use embassy_avr_hal::{bind_time, bind_usart0, executor, pac};
 use embassy_time::Timer;
@@ -57,6 +57,7 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .client()
     .slave_id(17)
     .baud(options::baud(38_400))
+    .framing(options::framing())
     .format(options::format(LineFormat::F8N1));
 
 bind_usart0!(Rs485);

@@ -3,7 +3,7 @@
 #![no_main]
 #![feature(abi_avr_interrupt)]
 
-use board_nano::{Rs485, options, settings};
+use board_nano::{Rs485Option as Rs485, options, settings};
 use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
 use multidrop_firmware::conformance::{Conformance, EVENTS, UNIT};
 use multidrop_firmware::protocol::format::LineFormat;
@@ -18,6 +18,7 @@ type Port = multidrop_firmware::Port<Rs485, Counted<EVENTS>>;
 const PORT: PortConfig = PortConfig::new("RS4")
     .slave_id(UNIT)
     .baud(options::baud(38_400))
+    .framing(options::framing())
     .format(options::format(LineFormat::F8N1));
 
 bind_usart0!(Rs485);

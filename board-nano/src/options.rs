@@ -59,7 +59,11 @@ pub const fn ascii() -> bool {
 
 /// The framing that [`ascii`] says.
 pub const fn framing() -> Framing {
-    if ascii() { Framing::Ascii } else { Framing::Rtu }
+    if ascii() {
+        Framing::Ascii
+    } else {
+        Framing::Rtu
+    }
 }
 
 const fn number(text: Option<&str>, default: u32) -> u32 {

@@ -20,7 +20,7 @@ use multidrop_firmware::protocol::rules;
 use multidrop_firmware::protocol::server::Uncounted;
 
 type Port<R, C = CoilBank<2>, V = NoRules> =
-    &'static ManagedPort<TestLine, PortRegisters<R, C, V>, Uncounted, 1>;
+    &'static ManagedPort<TestLine, PortRegisters<R, C, V>, Uncounted, 2>;
 
 const RS4: PortConfig = PortConfig::new("RS4")
     .slave_id(17)
@@ -60,7 +60,7 @@ trait Loads {
 }
 
 impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Loads
-    for ManagedPort<TestLine, PortRegisters<R, C, V>, Uncounted, 1>
+    for ManagedPort<TestLine, PortRegisters<R, C, V>, Uncounted, 2>
 {
     fn set(&self, name: &str, value: u32) {
         let loaded = self.load(Register::from_name(name).unwrap(), value);

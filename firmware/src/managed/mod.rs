@@ -71,9 +71,8 @@ pub struct ManagedPort<L: Line + 'static, P, D = Uncounted, const N: usize = 1> 
     /// What is in effect; the registers may be ahead of it.
     mode: Cell<Mode>,
     config: Cell<LineConfig>,
-    /// To be followed by the run task, which `work` wakes.
-    changed: Cell<bool>,
     started: Cell<Option<Started>>,
+    /// Wakes the run task to follow what was loaded.
     work: Signal<NoopRawMutex, ()>,
     done: Signal<NoopRawMutex, Outcome>,
     events: Channel<NoopRawMutex, Outcome, EVENTS>,
@@ -134,7 +133,6 @@ where
             requests: Signal::new(),
             mode: Cell::new(Mode::Off),
             config: Cell::new(config.line()),
-            changed: Cell::new(true),
             started: Cell::new(None),
             work: Signal::new(),
             done: Signal::new(),
@@ -158,7 +156,7 @@ where
         self.registers.with(|registers| {
             match registers.load_checked(register, value, &|line| self.check(line))? {
                 Change::Done => return Ok(()),
-                Change::Mode | Change::Line => self.changed.set(true),
+                Change::Mode | Change::Line => {}
                 Change::Start => {
                     self.done.reset();
                     let settings = registers.settings();

@@ -5,7 +5,6 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
-use embassy_time::{Duration, Timer};
 use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
 use multidrop_protocol::port_registers::{Mode, PortRegisters, Status, Step};
 use multidrop_protocol::registers::{Items, Rules};
@@ -16,9 +15,6 @@ use crate::client::{Client, ClientError, Turn};
 use crate::config::line_config;
 use crate::line::{Frame, Line, LineConfig};
 use crate::shared::Shared;
-
-/// How long to wait for a place among those who wait for the line.
-const QUEUE_FULL: Duration = Duration::from_millis(1);
 
 /// Runs for ever: takes frames from the line and hands them to who they are for in the port's mode.
 ///
@@ -58,21 +54,23 @@ where
     // Held while the port is no master, so that no client talks.
     let mut turn = None;
     loop {
-        if let Some(started) = port.started.take() {
-            port.follow(&mut turn, Mode::Master, started.line).await;
-            let outcome = port.transact(&started).await;
-            port.finish(outcome);
-        }
-        if port.changed.take() {
-            let (mode, unit, line) = port.registers.with(|registers| {
+        // What was loaded behind START is for later.
+        let started = port.started.take();
+        let (mode, line) = match &started {
+            Some(started) => (Mode::Master, started.line),
+            None => port.registers.with(|registers| {
                 let settings = registers.settings();
-                let line = line_config(settings.mode, &settings.line);
-                (settings.mode, settings.slave_id, line)
-            });
-            port.server.set_unit(unit);
+                port.server.set_unit(settings.slave_id);
+                (settings.mode, line_config(settings.mode, &settings.line))
+            }),
+        };
+        if mode != port.mode.get() || line != port.config.get() {
             port.follow(&mut turn, mode, line).await;
         }
-        if let Some(frame) = port.next().await {
+        if let Some(started) = started {
+            let outcome = port.transact(&started).await;
+            port.finish(outcome);
+        } else if let Some(frame) = port.next().await {
             port.answer(frame).await;
         }
     }
@@ -97,35 +95,26 @@ where
         .await
     }
 
-    /// Puts mode and line into effect. No request is being answered.
+    /// Puts mode and line into effect. No request is being answered, and none waits to be: this task takes them
+    /// before it comes here.
     async fn follow(&'static self, turn: &mut Option<Turn<N>>, mode: Mode, line: LineConfig) {
-        if mode == self.mode.get() && line == self.config.get() {
-            return;
-        }
-        if turn.is_none() {
-            // A client may be in the middle of a request.
-            *turn = Some(self.turn().await);
+        // A client may be in the middle of a request.
+        while turn.is_none() {
+            match self.exchange.turn().await {
+                Ok(mine) => *turn = Some(mine),
+                Err(_) => yield_now().await,
+            }
         }
         if line != self.config.get() {
-            // What is heard until then is of neither. No request waits: this task takes them before it comes here.
+            // What is heard until then is of neither.
             self.mode.set(Mode::Off);
             // Checked before it was accepted.
-            if self.line.configure(line).await.is_ok() {
-                self.config.set(line);
-            }
+            let _ = self.line.configure(line).await;
+            self.config.set(line);
         }
         self.mode.set(mode);
         if mode == Mode::Master {
             *turn = None;
-        }
-    }
-
-    async fn turn(&'static self) -> Turn<N> {
-        loop {
-            match self.exchange.turn().await {
-                Ok(turn) => return turn,
-                Err(_) => Timer::after(QUEUE_FULL).await,
-            }
         }
     }
 
@@ -173,7 +162,7 @@ where
             };
             let asked = loop {
                 match client.transact(step.unit, &request).await {
-                    Err(ClientError::QueueFull) => Timer::after(QUEUE_FULL).await,
+                    Err(ClientError::QueueFull) => yield_now().await,
                     asked => break asked,
                 }
             };
@@ -213,6 +202,20 @@ where
     }
 }
 
+/// Lets the other tasks run: more requests wait for the line than the port has places for.
+async fn yield_now() {
+    let mut yielded = false;
+    poll_fn(|context| {
+        if yielded {
+            return Poll::Ready(());
+        }
+        yielded = true;
+        context.waker().wake_by_ref();
+        Poll::Pending
+    })
+    .await;
+}
+
 /// A step as the client sends it. What it writes is in the array until it is sent.
 struct Described<'a, R, C, V> {
     registers: &'a Shared<PortRegisters<R, C, V>>,
@@ -236,6 +239,6 @@ where
     }
 
     fn check(&self, frame: &[u8]) -> Result<(), AnswerError> {
-        self.step.check(self.value.get(), frame)
+        PortRegisters::<R, C, V>::check(self.step, self.value.get(), frame)
     }
 }

@@ -112,6 +112,7 @@ where
             }
             Register::Func => {
                 self.function = match value {
+                    1 | 2 | 5 | 15 if C::NONE => return Err(Reason::NoCoils),
                     1..=6 | 15 | 16 | 23 => value as u8,
                     _ => return Err(Reason::Choice),
                 };
@@ -251,7 +252,7 @@ where
             return wrong(Register::Mode, mode as u16, Reason::NotMaster);
         }
         let most = count_max(self.function);
-        if is_for_coils(self.function) {
+        if !C::NONE && is_for_coils(self.function) {
             let (offset, count) = (self.coil_offset, self.coil_count);
             if count > most {
                 let reason = Reason::Count(self.function, most);

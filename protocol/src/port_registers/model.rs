@@ -3,7 +3,10 @@
 use super::PortRegisters;
 use crate::data::{Coils, CoilsOut, Registers, RegistersOut};
 use crate::exception::Exception;
-use crate::function::{MASK_WRITE_REGISTER, READ_WRITE_REGISTERS};
+use crate::function::{
+    MASK_WRITE_REGISTER, READ_COILS, READ_DISCRETE_INPUTS, READ_WRITE_REGISTERS,
+    WRITE_MULTIPLE_COILS, WRITE_SINGLE_COIL,
+};
 use crate::registers::{Items, Rules, items};
 use crate::server::{DataModel, FunctionSet};
 
@@ -13,9 +16,20 @@ where
     C: Items<Item = bool> + 'static,
     V: Rules + 'static,
 {
-    const FUNCTIONS: FunctionSet = FunctionSet::EIGHT
-        .with(MASK_WRITE_REGISTER)
-        .with(READ_WRITE_REGISTERS);
+    const FUNCTIONS: FunctionSet = {
+        let functions = FunctionSet::EIGHT
+            .with(MASK_WRITE_REGISTER)
+            .with(READ_WRITE_REGISTERS);
+        if C::NONE {
+            functions
+                .without(READ_COILS)
+                .without(READ_DISCRETE_INPUTS)
+                .without(WRITE_SINGLE_COIL)
+                .without(WRITE_MULTIPLE_COILS)
+        } else {
+            functions
+        }
+    };
     const WRITES_MAY_FAIL: bool = false;
 
     fn coils(&mut self, first: u16, out: CoilsOut<'_>) -> Result<(), Exception> {

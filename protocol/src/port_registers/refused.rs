@@ -38,6 +38,8 @@ pub enum Reason {
     Beyond(u16, u32),
     /// The last address would be behind 65535 with this BASE and so many items.
     Address(u16, u16),
+    /// The port has no coils for this function.
+    NoCoils,
     /// A slave cannot have slave id 0.
     SlaveZero,
     /// Seven data bits are for ASCII.
@@ -103,6 +105,7 @@ impl fmt::Display for Refused {
                 "must be 0..={} with BASE {base} and {count} items",
                 (65_536 - u32::from(count)).saturating_sub(base.into())
             ),
+            Reason::NoCoils => write!(f, "must be 3, 4, 6, 16 or 23: the port has no coils"),
             Reason::SlaveZero => match register {
                 Register::Mode => write!(f, "but SLAVEID is 0, must be 1..=247 first"),
                 _ => write!(f, "must be 1..=247 for a slave"),

@@ -53,7 +53,8 @@ where
 {
     /// What the registers describe, for [`Change::Start`](super::Change::Start).
     pub fn transaction(&self) -> Transaction {
-        let (offset, left) = if is_for_coils(self.function) {
+        let for_coils = !C::NONE && is_for_coils(self.function);
+        let (offset, left) = if for_coils {
             (self.coil_offset, self.coil_count)
         } else {
             (self.reg_offset, self.reg_count)
@@ -64,7 +65,7 @@ where
             base: self.settings.base,
             offset,
             left,
-            scans: R::SCANS && !is_for_coils(self.function),
+            scans: R::SCANS && !for_coils,
         }
     }
 
@@ -79,7 +80,7 @@ where
             left,
             scans,
         } = *transaction;
-        let for_coils = is_for_coils(function);
+        let for_coils = !C::NONE && is_for_coils(function);
         if left == 0 {
             return None;
         }
@@ -117,8 +118,8 @@ where
     pub fn encode(&self, step: &Step, draft: &mut Draft<'_>) -> Result<u16, RequestError> {
         let items = step.indices();
         match step.function {
-            READ_COILS => ReadBits::coils(step.first, step.count).encode(draft)?,
-            READ_DISCRETE_INPUTS => {
+            READ_COILS if !C::NONE => ReadBits::coils(step.first, step.count).encode(draft)?,
+            READ_DISCRETE_INPUTS if !C::NONE => {
                 ReadBits::discrete_inputs(step.first, step.count).encode(draft)?;
             }
             READ_HOLDING_REGISTERS => {
@@ -138,7 +139,7 @@ where
                 draft.word(value);
                 return Ok(value);
             }
-            WRITE_MULTIPLE_COILS => {
+            WRITE_MULTIPLE_COILS if !C::NONE => {
                 draft.byte(step.function);
                 draft.word(step.first);
                 draft.word(step.count);
@@ -177,11 +178,31 @@ where
         Ok(0)
     }
 
-    /// Puts what an answer that was [checked](Step::check) has into the arrays.
+    /// Whether `frame`, from the right slave and with the right function, answers `step`, whose request was written with
+    /// this [`value`](Self::encode).
+    ///
+    /// # Errors
+    ///
+    /// [`AnswerError::Length`] or [`AnswerError::Content`].
+    pub fn check(step: &Step, value: u16, frame: &[u8]) -> Result<(), AnswerError> {
+        match step.function {
+            READ_COILS | READ_DISCRETE_INPUTS if !C::NONE => {
+                ReadBits::coils(step.first, step.count).check(frame)
+            }
+            READ_HOLDING_REGISTERS | READ_INPUT_REGISTERS | READ_WRITE_REGISTERS => {
+                ReadRegisters::holding(step.first, step.count).check(frame)
+            }
+            WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER => echo(frame, step.first, value),
+            WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS => echo(frame, step.first, step.count),
+            _ => Err(AnswerError::Content),
+        }
+    }
+
+    /// Puts what an answer that was [checked](Self::check) has into the arrays.
     pub fn store(&mut self, step: &Step, frame: &[u8]) {
         let data = frame.get(3..).unwrap_or(&[]);
         match step.function {
-            READ_COILS | READ_DISCRETE_INPUTS => {
+            READ_COILS | READ_DISCRETE_INPUTS if !C::NONE => {
                 for (place, index) in (0u16..).zip(step.indices()) {
                     let byte = data.get(usize::from(place >> 3)).copied().unwrap_or(0);
                     self.coils.set_item(index, byte >> (place & 7) & 1 != 0);
@@ -203,26 +224,6 @@ impl Step {
     fn indices(&self) -> impl Iterator<Item = u16> + use<> {
         let index = self.index;
         (0..self.count).map(move |place| index.wrapping_add(place))
-    }
-
-    /// Whether `frame`, from the right slave and with the right function, answers the step, whose request was written with
-    /// this [`value`](PortRegisters::encode).
-    ///
-    /// # Errors
-    ///
-    /// [`AnswerError::Length`] or [`AnswerError::Content`].
-    pub fn check(&self, value: u16, frame: &[u8]) -> Result<(), AnswerError> {
-        match self.function {
-            READ_COILS | READ_DISCRETE_INPUTS => {
-                ReadBits::coils(self.first, self.count).check(frame)
-            }
-            READ_HOLDING_REGISTERS | READ_INPUT_REGISTERS | READ_WRITE_REGISTERS => {
-                ReadRegisters::holding(self.first, self.count).check(frame)
-            }
-            WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER => echo(frame, self.first, value),
-            WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS => echo(frame, self.first, self.count),
-            _ => Err(AnswerError::Content),
-        }
     }
 }
 

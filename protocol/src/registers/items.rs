@@ -13,6 +13,9 @@ pub trait Items {
     /// Whether the items are at addresses of their own, so that a run of indices may have gaps on the wire.
     const SPARSE: bool;
 
+    /// Whether there never are any: what is for them is left out of the image.
+    const NONE: bool = false;
+
     /// How many items there are, up to 65536.
     fn len(&self) -> usize;
 
@@ -197,6 +200,7 @@ pub struct NoCoils;
 impl Items for NoCoils {
     type Item = bool;
     const SPARSE: bool = false;
+    const NONE: bool = true;
 
     fn len(&self) -> usize {
         0

@@ -487,7 +487,7 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Judge<R, C, V> {
             true => answer.len() == right.len() && answer[..3] == right[..3],
             false => answer == right,
         };
-        let checked = step.check(value, &answer);
+        let checked = PortRegisters::<R, C, V>::check(step, value, &answer);
         assert_eq!(checked.is_ok(), holds, "{asked:?} {answer:02x?}");
         if !holds {
             return;
@@ -611,6 +611,6 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Request for Written<
     }
 
     fn check(&self, frame: &[u8]) -> Result<(), AnswerError> {
-        self.step.check(self.value.get(), frame)
+        PortRegisters::<R, C, V>::check(self.step, self.value.get(), frame)
     }
 }

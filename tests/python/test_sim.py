@@ -4,6 +4,7 @@ import os
 import signal
 import unittest
 
+import serial
 from pymodbus.client import ModbusSerialClient
 
 from bus import Bus
@@ -57,6 +58,25 @@ class FreshBoot(unittest.TestCase):
             self.assertEqual(read_register(bus.port, 1), [0])
         finally:
             bus.stop()
+
+
+class RelayPanel(unittest.TestCase):
+    def test_the_port_listens_in_on_client_and_server(self):
+        bus = Bus("relay-panel")
+        self.addCleanup(bus.stop)
+        heard = b""
+        with serial.Serial(bus.port, baudrate=38400, timeout=1) as port:
+            # A button is pressed every two seconds, and the state is read in between.
+            for _ in range(60):
+                heard += port.read(64)
+                toggles = [heard.count(bytes([1, 6, 0, relay, 3, 0])) for relay in (1, 2)]
+                if min(toggles) >= 2:
+                    break
+        # Each is heard from the client, and again as the answer of the server.
+        self.assertGreaterEqual(min(toggles), 2, heard.hex(" "))
+        self.assertIn(bytes.fromhex("01 03 0001 0002"), heard)
+        states = {heard[at + 3 : at + 7] for at in range(len(heard)) if heard[at:].startswith(b"\1\3\4")}
+        self.assertGreater(len(states), 1, "no relay has moved")
 
 
 if __name__ == "__main__":

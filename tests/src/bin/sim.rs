@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use clap::error::ErrorKind;
 use clap::{Parser, ValueEnum};
 use multidrop_bus::{
-    Bus, BusConfig, BusError, Format, HostPort, Line, Live, LiveError, Nano, Time,
+    Bus, BusConfig, BusError, Format, HostPort, Line, Live, LiveError, Nano, NodeId, Pin, Time,
 };
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
@@ -49,7 +49,7 @@ enum Scenario {
     DemoUnit,
     /// One Nano with unit id 1
     Registers,
-    /// A Nano that is a client, and its server
+    /// A Nano that is a client, and its server; its two buttons are pressed in turn, one every two seconds
     RelayPanel,
     /// Every function, unit 17
     NanoConformance,
@@ -167,6 +167,7 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
         nano.seed = index as u64 + 1;
         bus.add_nano(nano)?;
     }
+    let panel = bus.nodes().next().map(|(id, _)| id);
     let client = bus.add_host(HostPort::new(line));
     let injector = bus.add_host(HostPort::new(line));
     bus.run_for(BOOT);
@@ -192,9 +193,24 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
             bus.clear_record();
         }
         bus.host(injector).take();
+        if let (Scenario::RelayPanel, Some(panel)) = (arguments.scenario, panel) {
+            press(bus, panel);
+        }
         stop.load(Ordering::Relaxed) || end.is_some_and(|end| Instant::now() >= end)
     })?;
     Ok(())
+}
+
+/// Holds a button of relay-panel, which pulls its pin low, for a tenth of the two seconds that each has.
+fn press(bus: &mut Bus, panel: NodeId) {
+    const TURN_MS: u64 = 2_000;
+    let ms = bus.now().ps() / 1_000_000_000;
+    for (button, pin) in (0..).zip([Pin::new('D', 3), Pin::new('D', 4)]) {
+        let Some(pin) = pin else { continue };
+        let turn = ms / TURN_MS % 2 == button;
+        let held = turn && ms % TURN_MS < TURN_MS / 10;
+        bus.node_mut(panel).set_input(pin, held.then_some(false));
+    }
 }
 
 /// To standard output, at once; whoever read it may have gone.

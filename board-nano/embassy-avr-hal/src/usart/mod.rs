@@ -10,6 +10,10 @@
 //! matches, never as an interrupt. An application that uses pin-change interrupts on port D takes one
 //! needless interrupt per edge on RXD.
 //!
+//! ASCII is there where the type asks for it ([`RtuAndAscii`]): characters begin and end a frame, each is
+//! decided in Rust, and compare B counts the second between them in parts of 25 ms, since Timer1 has 16
+//! bits.
+//!
 //! Its interrupts wake tasks through [`executor::run`](crate::executor::run), which has to be the one that
 //! runs them. They are bound by one line in the binary, [`bind_usart0!`](crate::bind_usart0).
 

@@ -23,7 +23,7 @@
 //! | sending | - (the receiver is off) | - |
 //! | sent, or held back | begins a frame | t3.5: silent |
 
-mod ascii;
+pub mod ascii;
 mod wire;
 
 pub use ascii::Ascii;

@@ -1,0 +1,172 @@
+//! A managed port that is switched by pins, under traffic: master or slave, RTU or ASCII, two bauds.
+//!
+//! | pin | is |
+//! |---|---|
+//! | D3 | open: slave 1; to ground: master, which copies registers 0..=3 of slave 2 every 20 ms |
+//! | D4 | open: RTU, 8N1; to ground: ASCII, 7E1 |
+//! | D5 | open: 38400 baud; to ground: 115200 |
+//! | D8 | high from a pin's change until its loads are accepted |
+//! | D9, D10 | change with every transaction that ends well, and badly |
+#![no_std]
+#![no_main]
+#![feature(abi_avr_interrupt)]
+
+use embassy_avr_hal::gpio::{Input, Output, PB0, PB1, PB2, PD2, PD3, PD4, PD5, Pins};
+use embassy_avr_hal::usart::{RtuAndAscii, Settings, Usart0};
+use embassy_avr_hal::{bind_time, bind_usart0, executor, pac};
+use embassy_time::Timer;
+use embedded_hal::digital::{InputPin, OutputPin, StatefulOutputPin};
+use multidrop_firmware::protocol::format::LineFormat;
+use multidrop_firmware::protocol::port_registers::{PortRegisters, Refused, Register};
+use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
+use multidrop_firmware::{ManagedPort, PortConfig, managed_receive, managed_run};
+use static_cell::StaticCell;
+
+const CLOCK_HZ: u32 = 16_000_000;
+
+const RS4: PortConfig = PortConfig::new("RS4")
+    .slave_id(1)
+    .baud(38_400)
+    .format(LineFormat::F8N1)
+    .timeout_ms(15);
+
+/// The slave that is asked.
+const PEER: u32 = 2;
+const COUNT: usize = 4;
+
+type Rs485 = Usart0<PD2, CLOCK_HZ, RtuAndAscii>;
+type Port = ManagedPort<Rs485, PortRegisters<Bank<COUNT>, NoCoils, NoRules>>;
+
+bind_usart0!(Rs485);
+bind_time!(CLOCK_HZ);
+
+#[embassy_executor::task]
+async fn receive(port: &'static Port) -> ! {
+    managed_receive(port).await
+}
+
+#[embassy_executor::task]
+async fn run(port: &'static Port) -> ! {
+    managed_run(port).await
+}
+
+/// Starts what the registers describe; as a slave it is refused.
+#[embassy_executor::task]
+async fn ask(port: &'static Port, mut well: Output<PB1>, mut badly: Output<PB2>) -> ! {
+    loop {
+        Timer::after_millis(20).await;
+        if port.start().is_err() {
+            continue;
+        }
+        let Ok(()) = match port.done().await {
+            Ok(()) => well.toggle(),
+            Err(_) => badly.toggle(),
+        };
+    }
+}
+
+/// What the pins ask for.
+#[derive(Clone, Copy, PartialEq)]
+struct Wanted {
+    master: bool,
+    ascii: bool,
+    fast: bool,
+}
+
+fn load(port: &Port, wanted: Wanted) -> Result<(), Refused> {
+    if wanted.master {
+        port.load(Register::Mode, 0)?;
+        port.load(Register::SlaveId, PEER)?;
+    } else {
+        port.load(Register::SlaveId, RS4.unit().into())?;
+        port.load(Register::Mode, 1)?;
+    }
+    // Seven data bits are never together with RTU.
+    if wanted.ascii {
+        port.load(Register::Framing, 1)?;
+        port.load(Register::Format, 4)?;
+    } else {
+        port.load(Register::Format, 0)?;
+        port.load(Register::Framing, 0)?;
+    }
+    port.load(Register::Baud, if wanted.fast { 115_200 } else { 38_400 })
+}
+
+#[embassy_executor::task]
+async fn switch(
+    port: &'static Port,
+    switches: (Input<PD3>, Input<PD4>, Input<PD5>),
+    mut changing: Output<PB0>,
+) -> ! {
+    let (mut mode, mut framing, mut baud) = switches;
+    let mut before = None;
+    loop {
+        let Ok(master) = mode.is_low();
+        let Ok(ascii) = framing.is_low();
+        let Ok(fast) = baud.is_low();
+        let wanted = Wanted {
+            master,
+            ascii,
+            fast,
+        };
+        if before != Some(wanted) {
+            let Ok(()) = changing.set_high();
+            // Refused it stays high.
+            if load(port, wanted).is_ok() {
+                let Ok(()) = changing.set_low();
+                before = Some(wanted);
+            }
+        }
+        Timer::after_millis(2).await;
+    }
+}
+
+#[avr_device::entry]
+fn main() -> ! {
+    let chip = pac::Peripherals::take().unwrap();
+    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
+    let settings = const {
+        match Settings::new(&RS4.line(), CLOCK_HZ) {
+            Ok(settings) => settings,
+            Err(_) => panic!("38400 baud at 16 MHz"),
+        }
+    };
+    let line = Rs485::new(
+        chip.USART0,
+        &chip.TC1,
+        pins.PD0,
+        pins.PD1,
+        pins.PD2,
+        settings,
+    );
+    start_time();
+
+    static PORT_CELL: StaticCell<Port> = StaticCell::new();
+    let port = PORT_CELL.init(Port::new(line, &RS4, RS4.bank(), NoCoils));
+    port.registers().with(|rs4| {
+        for (index, cell) in (0..).zip(rs4.regs_mut().cells_mut()) {
+            *cell = 0x1100 + index;
+        }
+    });
+    let _ = port.load(Register::RegCnt, COUNT as u32);
+    let switches = (
+        Input::new(pins.PD3, true),
+        Input::new(pins.PD4, true),
+        Input::new(pins.PD5, true),
+    );
+    let well = Output::new(pins.PB1, false);
+    let badly = Output::new(pins.PB2, false);
+    let changing = Output::new(pins.PB0, false);
+    executor::run(|spawner| {
+        spawner.spawn(receive(port).unwrap());
+        spawner.spawn(run(port).unwrap());
+        spawner.spawn(ask(port, well, badly).unwrap());
+        spawner.spawn(switch(port, switches, changing).unwrap());
+    })
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    // Never linked: `panic = "immediate-abort"`.
+    loop {}
+}

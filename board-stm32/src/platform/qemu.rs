@@ -17,7 +17,7 @@ use embassy_stm32::pac::{self, TIM2, TIM5};
 use embassy_time_queue_utils::Queue;
 
 use crate::TICK_HZ;
-use crate::ports::PORTS;
+use crate::ports::{PORTS, WIRING};
 use crate::usart;
 use crate::usart::registers::Registers;
 use crate::usart::settings::Settings;
@@ -55,11 +55,39 @@ struct Alarm {
 /// A transmitter as silicon has it: a data register before a shift register.
 #[derive(Clone, Copy)]
 struct Transmitter {
-    idle: bool,
-    /// When the data register is empty.
-    ready_at: u32,
-    /// When the shift register is too.
-    sent_at: u32,
+    /// When the first of the characters was written that have followed each other without a gap.
+    since: u32,
+    /// How many these are, 0 if none is under way.
+    characters: u32,
+    /// Clock cycles of one.
+    cycles: u32,
+    clock_hz: u32,
+}
+
+impl Transmitter {
+    const IDLE: Self = Self {
+        since: 0,
+        characters: 0,
+        cycles: 0,
+        clock_hz: 1,
+    };
+
+    /// When this many characters have left.
+    fn end_of(&self, characters: u32) -> u32 {
+        let cycles = u64::from(characters * self.cycles);
+        let ticks = (cycles * u64::from(TICK_HZ)).div_ceil(self.clock_hz.into());
+        self.since.wrapping_add(ticks as u32)
+    }
+
+    /// When the data register is empty: with the last character in the shift register.
+    fn ready_at(&self) -> u32 {
+        self.end_of(self.characters.saturating_sub(1))
+    }
+
+    /// When all has left.
+    fn sent_at(&self) -> u32 {
+        self.end_of(self.characters)
+    }
 }
 
 /// The clock of `embassy-time`.
@@ -77,11 +105,7 @@ static ALARMS: Mutex<RefCell<Alarms>> = Mutex::new(RefCell::new(Alarms {
         at: 0,
         on: false,
         armed: false,
-        transmitter: Transmitter {
-            idle: true,
-            ready_at: 0,
-            sent_at: 0,
-        },
+        transmitter: Transmitter::IDLE,
     }; PORTS],
     time: Time {
         count: 0,
@@ -253,41 +277,45 @@ pub(crate) fn on_put(port: usize, settings: &Settings) {
     with_alarms(|alarms| {
         let transmitter = &mut alarms.ports[port].transmitter;
         let now = now();
-        if transmitter.idle || until(transmitter.sent_at, now) == 0 {
-            transmitter.idle = false;
-            transmitter.ready_at = now;
-            transmitter.sent_at = now.wrapping_add(settings.character);
-        } else {
-            transmitter.ready_at = transmitter.sent_at;
-            transmitter.sent_at = transmitter.sent_at.wrapping_add(settings.character);
+        if transmitter.characters == 0 || until(transmitter.sent_at(), now) == 0 {
+            *transmitter = Transmitter {
+                since: now,
+                characters: 0,
+                cycles: settings.character_cycles,
+                clock_hz: WIRING[port].clock_hz,
+            };
         }
+        transmitter.characters += 1;
     });
 }
 
 /// Has [`usart::on_alarm`] called as soon as the transmitter takes another character.
 pub(crate) fn await_ready(port: usize, registers: &Registers, settings: &Settings) {
     registers.send(settings, 0);
-    with_alarms(|alarms| alarms.set(port, alarms.ports[port].transmitter.ready_at));
+    with_alarms(|alarms| alarms.set(port, alarms.ports[port].transmitter.ready_at()));
     alarm_on(port);
 }
 
 /// Has it called as soon as the last character has left, stop bits included.
 pub(crate) fn await_sent(port: usize, registers: &Registers, settings: &Settings) {
     registers.send(settings, 0);
-    with_alarms(|alarms| alarms.set(port, alarms.ports[port].transmitter.sent_at));
+    with_alarms(|alarms| alarms.set(port, alarms.ports[port].transmitter.sent_at()));
     alarm_on(port);
 }
 
 /// Whether the transmitter takes another character.
 pub(crate) fn is_ready(port: usize, _registers: &Registers) -> bool {
-    with_alarms(|alarms| until(alarms.ports[port].transmitter.ready_at, now()) == 0)
+    with_alarms(|alarms| until(alarms.ports[port].transmitter.ready_at(), now()) == 0)
 }
 
 /// Whether all has left.
 pub(crate) fn is_sent(port: usize, _registers: &Registers) -> bool {
     with_alarms(|alarms| {
         let transmitter = &mut alarms.ports[port].transmitter;
-        transmitter.idle = until(transmitter.sent_at, now()) == 0;
-        transmitter.idle
+        let is_sent = until(transmitter.sent_at(), now()) == 0;
+        if is_sent {
+            *transmitter = Transmitter::IDLE;
+        }
+        is_sent
     })
 }

@@ -74,15 +74,28 @@ fn goal(
     (bauds, names): (&[u32], &[String]),
     bound: Bound,
 ) -> Goal {
+    let named = |count: u8| {
+        let name = move |baud: &u32| format!("registers-{count}@{baud}");
+        bauds.iter().map(name)
+    };
+    let images: Vec<_> = COUNTS.into_iter().flat_map(named).collect();
+    of_images(figures, what, unit, (&images, names), bound)
+}
+
+/// The worst of the figures `names` over `images`.
+fn of_images(
+    figures: &Figures,
+    what: impl Into<String>,
+    unit: &'static str,
+    (images, names): (&[String], &[String]),
+    bound: Bound,
+) -> Goal {
     let mut worst: Option<(f64, String)> = None;
-    for count in COUNTS {
-        for baud in bauds {
-            let image = format!("registers-{count}@{baud}");
-            for value in names.iter().filter_map(|name| figures.get(&image, name)) {
-                let is_worse = |(held, _): &(f64, String)| bound.is_worse(value, *held);
-                if worst.as_ref().is_none_or(is_worse) {
-                    worst = Some((value, image.clone()));
-                }
+    for image in images {
+        for value in names.iter().filter_map(|name| figures.get(image, name)) {
+            let is_worse = |(held, _): &(f64, String)| bound.is_worse(value, *held);
+            if worst.as_ref().is_none_or(is_worse) {
+                worst = Some((value, image.clone()));
             }
         }
     }
@@ -187,6 +200,50 @@ pub fn of(figures: &Figures) -> Vec<Goal> {
         one("loss-free", "baud", "loss_free_baud", AtLeast(500_000.0)),
         one("asleep when idle", "%", "asleep_idle_percent", Above(99.0)),
     ]);
+    let two_bits = Line::n81(38_400).bits(2).us();
+    goals.extend(
+        [
+            (
+                "every function: flash",
+                "bytes",
+                "conformance",
+                "flash_bytes",
+                AtMost(16_384.0),
+            ),
+            (
+                "every function: static RAM",
+                "bytes",
+                "conformance",
+                "static_ram_bytes",
+                AtMost(1_300.0),
+            ),
+            (
+                "every function: peak stack",
+                "bytes",
+                "conformance",
+                "stack_peak_bytes",
+                AtMost(400.0),
+            ),
+            (
+                "client: from answer to request beyond t3.5",
+                "us",
+                "client-functions",
+                "request_gap_max_us",
+                AtMost(two_bits),
+            ),
+            (
+                "client: never before t3.5",
+                "us",
+                "client-functions",
+                "request_gap_min_us",
+                AtLeast(0.0),
+            ),
+        ]
+        .map(|(what, unit, image, name, bound)| {
+            let images = [image.to_owned()];
+            of_images(figures, what, unit, (&images, &names(&[name])), bound)
+        }),
+    );
     goals
 }
 
@@ -224,7 +281,72 @@ mod tests {
                 figures.images.insert(image, set.clone());
             }
         }
+        for (image, set) in [
+            (
+                "conformance",
+                [
+                    ("flash_bytes", 16_384.0),
+                    ("static_ram_bytes", 1_300.0),
+                    ("stack_peak_bytes", 400.0),
+                ],
+            ),
+            (
+                "client-functions",
+                [
+                    ("flash_bytes", 0.0),
+                    ("request_gap_min_us", 0.0),
+                    ("request_gap_max_us", 52.08),
+                ],
+            ),
+        ] {
+            let set = set.map(|(name, value)| (name.to_owned(), value));
+            figures.images.insert(image.to_owned(), Set::from(set));
+        }
         figures
+    }
+
+    #[test]
+    fn the_images_with_every_function_have_goals_of_their_own() {
+        for (image, name, value, what) in [
+            (
+                "conformance",
+                "flash_bytes",
+                16_385.0,
+                "every function: flash",
+            ),
+            (
+                "conformance",
+                "static_ram_bytes",
+                1_301.0,
+                "every function: static RAM",
+            ),
+            (
+                "conformance",
+                "stack_peak_bytes",
+                401.0,
+                "every function: peak stack",
+            ),
+            (
+                "client-functions",
+                "request_gap_max_us",
+                52.09,
+                "client: from answer to request beyond t3.5",
+            ),
+            (
+                "client-functions",
+                "request_gap_min_us",
+                -0.001,
+                "client: never before t3.5",
+            ),
+        ] {
+            let mut figures = reached();
+            let set = figures.images.get_mut(image).expect("there");
+            set.insert(name.to_owned(), value);
+            let goals = of(&figures);
+            let missed: Vec<_> = goals.iter().filter(|goal| !goal.is_met()).collect();
+            assert_eq!(missed.len(), 1, "{name}");
+            assert_eq!(missed[0].what, what);
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! compared for equality.
 
 mod figures;
+mod functions;
 mod goals;
 mod image;
 mod kept;
@@ -21,6 +22,8 @@ mod traffic;
 mod frames;
 #[path = "../../../tests/common/model.rs"]
 mod model;
+#[path = "../../../tests/common/plain/mod.rs"]
+mod plain;
 #[allow(dead_code, reason = "the tests use more of it")]
 #[path = "../../../tests/common/random.rs"]
 mod random;

@@ -9,7 +9,7 @@ use crate::Trouble;
 use crate::figures::{Figures, Range, Set, rounded, us_between};
 use crate::image::{Image, Images};
 use crate::traffic::{Desk, Shape, mixed};
-use crate::{limits, power};
+use crate::{functions, limits, power};
 
 /// Items in each table of the images that are measured.
 pub const COUNTS: [u8; 2] = [16, 128];
@@ -26,6 +26,8 @@ pub fn all(images: &Images<'_>, figures: &mut Figures) -> Result<(), Trouble> {
     let unit = images.app("demo-unit")?;
     figures.images.insert(unit.name(), sizes(unit));
     let measured = thread::scope(|scope| -> Result<Vec<(String, Set)>, Trouble> {
+        let server = scope.spawn(move || functions::server(images));
+        let client = scope.spawn(move || functions::client(images));
         let mut lines = Vec::new();
         let mut limits = Vec::new();
         for count in COUNTS {
@@ -44,6 +46,10 @@ pub fn all(images: &Images<'_>, figures: &mut Figures) -> Result<(), Trouble> {
             let mut set = thread.join().expect("no panic")?;
             set.insert("loss_free_baud".to_owned(), f64::from(free[&image.count]));
             sets.push((image.name(), set));
+        }
+        for (app, thread) in [("conformance", server), ("client-functions", client)] {
+            let set = thread.join().expect("no panic")?;
+            sets.push((images.app(app)?.name(), set));
         }
         Ok(sets)
     })?;

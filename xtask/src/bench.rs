@@ -132,6 +132,13 @@ fn near(path: &str) -> PathBuf {
 fn images() -> Result<Vec<(String, Image)>, Error> {
     let demo = Image::new(Board::Nano, App::DemoUnit, Options::default())?;
     let mut images = vec![("demo-unit:1:38400".to_owned(), demo)];
+    for (name, app) in [
+        ("conformance:128:38400", App::Conformance),
+        ("client-functions:1:38400", App::ClientFunctions),
+    ] {
+        let image = Image::new(Board::Nano, app, Options::default())?;
+        images.push((name.to_owned(), image));
+    }
     for count in COUNTS {
         for baud in BAUDS {
             // What an application does by itself is not asked for: the images that others build too.
@@ -192,7 +199,7 @@ mod tests {
     #[test]
     fn every_image_that_is_measured_can_be_built_and_is_one_of_its_kind() {
         let images = images().expect("valid images");
-        assert_eq!(images.len(), 1 + COUNTS.len() * BAUDS.len());
+        assert_eq!(images.len(), 3 + COUNTS.len() * BAUDS.len());
         let stems: std::collections::BTreeSet<_> =
             images.iter().map(|(_, image)| image.stem()).collect();
         assert_eq!(stems.len(), images.len());

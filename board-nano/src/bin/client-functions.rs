@@ -1,5 +1,7 @@
 //! A client that asks every function once: for tests of the client against servers of other people, and of ours.
 //!
+//! RTU at 38400 8N1 if not built otherwise; `MULTIDROP_ASCII=1` builds it for ASCII.
+//!
 //! It asks unit 17 and expects the conformance map there. It begins when that unit answers. What became of each
 //! step is a word, as [`outcome`] makes it: 1 for the answer expected, 2 for another answer, 0x80xx for exception
 //! xx, 0x40xx for no answer (xx: 03 wrong function, 04 wrong unit, 05 damaged, 06 nothing, 07 not sent, 08 wrong length, 09 wrong
@@ -57,6 +59,7 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .client()
     .slave_id(17)
     .baud(options::baud(38_400))
+    .framing(options::framing())
     .framing(options::framing())
     .format(options::format(LineFormat::F8N1));
 

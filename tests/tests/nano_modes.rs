@@ -64,7 +64,7 @@ fn body(bytes: &[u8]) -> Option<Vec<u8>> {
             .map(|at| u8::from_str_radix(text.get(at..at + 2)?, 16).ok())
             .collect::<Option<_>>()?;
         let sum: u32 = body.iter().map(|byte| u32::from(*byte)).sum();
-        return (sum % 256 == 0).then(|| body[..body.len() - 1].to_vec());
+        return sum.is_multiple_of(256).then(|| body[..body.len() - 1].to_vec());
     }
     let body = bytes.get(..bytes.len().checked_sub(2)?)?;
     (frames::adu(body) == bytes).then(|| body.to_vec())
@@ -329,7 +329,7 @@ fn the_check_is_right_after_every_change_of_baud() {
     let mut rig = Rig::new(3);
     for turn in 0..20 {
         let way = Way {
-            fast: turn % 2 == 0,
+            fast: turn & 1 == 0,
             ..START
         };
         rig.switch(way);

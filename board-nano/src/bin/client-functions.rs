@@ -52,7 +52,7 @@ use multidrop_firmware::protocol::client::{
     WritePackedCoils, WriteRegister, WriteRegisters,
 };
 use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{Client, ClientConfig, ClientError, ClientPort, PortConfig};
+use multidrop_firmware::{ClientConfig, ClientError, ClientPort, PortConfig};
 use static_cell::StaticCell;
 
 const PORT: PortConfig = PortConfig::new("RS4")
@@ -70,7 +70,6 @@ bind_time!(CLOCK_HZ);
 type Port = ClientPort<Rs485, 1>;
 
 const UNIT: u8 = PORT.unit();
-const STEPS: usize = 41;
 /// The register of the first word.
 const REPORT: u16 = 40;
 
@@ -91,206 +90,175 @@ fn outcome(result: Result<bool, ClientError>) -> u16 {
     }
 }
 
-/// Asks, and keeps what became of it.
-struct Steps {
-    client: Client<Rs485, 1>,
-    words: [u16; STEPS],
-    len: usize,
-}
+/// A request, the unit it is for, and whether its answer is the one expected.
+type Step = (u8, &'static (dyn Request + Sync), fn(&[u8]) -> bool);
 
-impl Steps {
-    fn keep(&mut self, word: u16) {
-        if let Some(place) = self.words.get_mut(self.len) {
-            *place = word;
-            self.len += 1;
-        }
-    }
+const BOTH: ReadWriteRegisters = ReadWriteRegisters {
+    first: 10,
+    count: 4,
+    write_first: 12,
+    values: &[7, 8],
+};
+const COILS: ReadBits = ReadBits::coils(3, 11);
+const INPUTS: ReadBits = ReadBits::discrete_inputs(0, 16);
+const REGISTERS: ReadRegisters = ReadRegisters::holding(10, 5);
+const INPUT_REGISTERS: ReadRegisters = ReadRegisters::input(0, 125);
+const FILES: ReadFiles = ReadFiles {
+    groups: &[FileRange {
+        file: 4,
+        record: 2,
+        count: 2,
+    }],
+};
+const FIFO: ReadFifo = ReadFifo { pointer: 0x04DE };
+const BASIC: ReadIdentification = ReadIdentification { code: 1, object: 0 };
+const ONE: ReadIdentification = ReadIdentification { code: 4, object: 1 };
+const REVERSE: Raw = Raw {
+    function: 0x41,
+    data: &[1, 2, 3],
+};
 
-    /// Asks, and has an answer judged by `expected`. The methods of the client would do the same, each with code of
-    /// its own: forty of them are too much for one image.
-    async fn ask(&mut self, unit: u8, request: &dyn Request, expected: fn(&[u8]) -> bool) {
-        let word = match self.client.transact(unit, request).await {
-            Ok(Some(reply)) => outcome(Ok(expected(reply.bytes()))),
-            Ok(None) => outcome(Ok(true)),
-            Err(error) => outcome(Err(error)),
-        };
-        self.keep(word);
-    }
-
-    async fn all(&mut self) {
-        self.registers().await;
-        self.bits().await;
-        self.diagnostics().await;
-        self.others().await;
-
-        let write = WriteRegister {
-            address: 20,
-            value: 0x5AA5,
-        };
-        self.ask(0, &write, |_| false).await;
-        self.holding(20, &[0x5AA5]).await;
-        let nowhere = ReadRegisters::holding(60_000, 1);
-        self.ask(UNIT, &nowhere, |_| false).await;
-        self.ask(0, &ReadRegisters::holding(20, 1), |_| false).await;
-    }
-
-    async fn holding(&mut self, first: u16, expected: &[u16]) {
-        let mut cells = [0; 5];
-        let cells = &mut cells[..expected.len()];
-        let read = self.client.read_holding_registers(UNIT, first, cells).await;
-        self.keep(outcome(read.map(|()| cells == expected)));
-    }
-
-    async fn registers(&mut self) {
-        let write = WriteRegister {
+static STEPS: [Step; 41] = [
+    (
+        UNIT,
+        &WriteRegister {
             address: 10,
             value: 0x1234,
-        };
-        self.ask(UNIT, &write, |_| true).await;
-        self.holding(10, &[0x1234]).await;
-        let write = WriteRegisters {
+        },
+        any,
+    ),
+    (UNIT, &ReadRegisters::holding(10, 1), |frame| {
+        frame[3..] == [0x12, 0x34]
+    }),
+    (
+        UNIT,
+        &WriteRegisters {
             first: 11,
             values: &[0xA1B2, 0, 0xFFFF, 42],
-        };
-        self.ask(UNIT, &write, |_| true).await;
-        self.holding(10, &[0x1234, 0xA1B2, 0, 0xFFFF, 42]).await;
-        let mask = MaskWrite {
+        },
+        any,
+    ),
+    (UNIT, &REGISTERS, |frame| {
+        let registers = REGISTERS.answer(frame);
+        registers.is_ok_and(|registers| registers.iter().eq([0x1234, 0xA1B2, 0, 0xFFFF, 42]))
+    }),
+    (
+        UNIT,
+        &MaskWrite {
             address: 10,
             and: 0x00F2,
             or: 0x0025,
-        };
-        self.ask(UNIT, &mask, |_| true).await;
-        const BOTH: ReadWriteRegisters = ReadWriteRegisters {
-            first: 10,
-            count: 4,
-            write_first: 12,
-            values: &[7, 8],
-        };
-        self.ask(UNIT, &BOTH, |frame| {
-            let registers = BOTH.answer(frame);
-            // (0x1234 & 0x00F2) | (0x0025 & !0x00F2)
-            registers.is_ok_and(|registers| registers.iter().eq([0x0035, 0xA1B2, 7, 8]))
-        })
-        .await;
-    }
-
-    async fn bits(&mut self) {
-        let write = WriteCoil {
+        },
+        any,
+    ),
+    (UNIT, &BOTH, |frame| {
+        let registers = BOTH.answer(frame);
+        // (0x1234 & 0x00F2) | (0x0025 & !0x00F2)
+        registers.is_ok_and(|registers| registers.iter().eq([0x0035, 0xA1B2, 7, 8]))
+    }),
+    (
+        UNIT,
+        &WriteCoil {
             address: 3,
             on: true,
-        };
-        self.ask(UNIT, &write, |_| true).await;
-        let write = WritePackedCoils {
+        },
+        any,
+    ),
+    (
+        UNIT,
+        &WritePackedCoils {
             first: 4,
             count: 10,
             bytes: &[0b1100_1101, 0b01],
-        };
-        self.ask(UNIT, &write, |_| true).await;
-        const COILS: ReadBits = ReadBits::coils(3, 11);
-        self.ask(UNIT, &COILS, |frame| {
-            let coils = COILS.answer(frame);
-            coils.is_ok_and(|coils| coils.bytes() == [0b1001_1011, 0b011])
-        })
-        .await;
-        const INPUTS: ReadBits = ReadBits::discrete_inputs(0, 16);
-        self.ask(UNIT, &INPUTS, |frame| {
-            let inputs = INPUTS.answer(frame);
-            inputs.is_ok_and(|inputs| inputs.bytes() == [0b0100_1001, 0b1001_0010])
-        })
-        .await;
-        const READ: ReadRegisters = ReadRegisters::input(0, 125);
-        self.ask(UNIT, &READ, |frame| {
-            let inputs = READ.answer(frame);
-            // Comparing them all would take longer than there is before the next request.
-            inputs.is_ok_and(|inputs| {
-                inputs.get(0) == Some(0x1000) && inputs.get(124) == Some(0x107C)
-            })
-        })
-        .await;
-        // Coil 3, and those of coils 4 to 7 that are on.
-        self.ask(UNIT, &ReadExceptionStatus, |frame| {
-            ReadExceptionStatus.answer(frame) == Ok(0b1101_1000)
-        })
-        .await;
-    }
-
-    async fn diagnostics(&mut self) {
-        let query = ReturnQueryData {
+        },
+        any,
+    ),
+    (UNIT, &COILS, |frame| {
+        let coils = COILS.answer(frame);
+        coils.is_ok_and(|coils| coils.bytes() == [0b1001_1011, 0b011])
+    }),
+    (UNIT, &INPUTS, |frame| {
+        let inputs = INPUTS.answer(frame);
+        inputs.is_ok_and(|inputs| inputs.bytes() == [0b0100_1001, 0b1001_0010])
+    }),
+    (UNIT, &INPUT_REGISTERS, |frame| {
+        let inputs = INPUT_REGISTERS.answer(frame);
+        // Comparing them all would take longer than there is before the next request.
+        inputs.is_ok_and(|inputs| inputs.get(0) == Some(0x1000) && inputs.get(124) == Some(0x107C))
+    }),
+    // Coil 3, and those of coils 4 to 7 that are on.
+    (UNIT, &ReadExceptionStatus, |frame| {
+        ReadExceptionStatus.answer(frame) == Ok(0b1101_1000)
+    }),
+    (
+        UNIT,
+        &ReturnQueryData {
             data: &[1, 2, 3, 4, 5],
-        };
-        self.ask(UNIT, &query, |_| true).await;
-        for sub in 0..15 {
-            let request = match sub {
-                0 => Diagnostic::Clear,
-                1 => Diagnostic::BusMessages,
-                2 => Diagnostic::BusErrors,
-                3 => Diagnostic::Exceptions,
-                4 => Diagnostic::ServerMessages,
-                5 => Diagnostic::NoResponses,
-                6 => Diagnostic::Naks,
-                7 => Diagnostic::Busy,
-                8 => Diagnostic::Overruns,
-                9 => Diagnostic::ClearOverruns,
-                10 => Diagnostic::Register,
-                11 => Diagnostic::Delimiter(b'\n'),
-                12 => Diagnostic::ListenOnly,
-                13 => Diagnostic::Restart { clear_log: false },
-                _ => Diagnostic::Restart { clear_log: true },
-            };
-            self.ask(UNIT, &request, |_| true).await;
-        }
-        self.ask(UNIT, &GetEventCounter, |_| true).await;
-        self.ask(UNIT, &GetEventLog, |_| true).await;
-    }
-
-    async fn others(&mut self) {
-        self.ask(UNIT, &ReportServerId, |frame| {
-            let id = ReportServerId.answer(frame);
-            id.is_ok_and(|id| matches!(id.with_id_len(1), Some(([UNIT], true, _))))
-        })
-        .await;
-        let write = WriteFiles {
+        },
+        any,
+    ),
+    (UNIT, &Diagnostic::Clear, any),
+    (UNIT, &Diagnostic::BusMessages, any),
+    (UNIT, &Diagnostic::BusErrors, any),
+    (UNIT, &Diagnostic::Exceptions, any),
+    (UNIT, &Diagnostic::ServerMessages, any),
+    (UNIT, &Diagnostic::NoResponses, any),
+    (UNIT, &Diagnostic::Naks, any),
+    (UNIT, &Diagnostic::Busy, any),
+    (UNIT, &Diagnostic::Overruns, any),
+    (UNIT, &Diagnostic::ClearOverruns, any),
+    (UNIT, &Diagnostic::Register, any),
+    (UNIT, &Diagnostic::Delimiter(b'\n'), any),
+    (UNIT, &Diagnostic::ListenOnly, any),
+    (UNIT, &Diagnostic::Restart { clear_log: false }, any),
+    (UNIT, &Diagnostic::Restart { clear_log: true }, any),
+    (UNIT, &GetEventCounter, any),
+    (UNIT, &GetEventLog, any),
+    (UNIT, &ReportServerId, |frame| {
+        let id = ReportServerId.answer(frame);
+        id.is_ok_and(|id| matches!(id.with_id_len(1), Some(([UNIT], true, _))))
+    }),
+    (
+        UNIT,
+        &WriteFiles {
             groups: &[FileData {
                 file: 4,
                 record: 2,
                 values: &[0x0BAD, 0xCAFE],
             }],
-        };
-        self.ask(UNIT, &write, |_| true).await;
-        const FILES: ReadFiles = ReadFiles {
-            groups: &[FileRange {
-                file: 4,
-                record: 2,
-                count: 2,
-            }],
-        };
-        self.ask(UNIT, &FILES, |frame| {
-            let records = FILES
-                .answer(frame)
-                .ok()
-                .and_then(|mut groups| groups.next());
-            records.is_some_and(|records| records.iter().eq([0x0BAD, 0xCAFE]))
-        })
-        .await;
-        const FIFO: ReadFifo = ReadFifo { pointer: 0x04DE };
-        self.ask(UNIT, &FIFO, |frame| {
-            let queue = FIFO.answer(frame);
-            queue.is_ok_and(|queue| queue.iter().eq([0x01B8, 0x1284]))
-        })
-        .await;
-        const BASIC: ReadIdentification = ReadIdentification { code: 1, object: 0 };
-        self.ask(UNIT, &BASIC, |frame| first_object(&BASIC, frame, b'm'))
-            .await;
-        const ONE: ReadIdentification = ReadIdentification { code: 4, object: 1 };
-        self.ask(UNIT, &ONE, |frame| first_object(&ONE, frame, b'n'))
-            .await;
-        const REVERSE: Raw = Raw {
-            function: 0x41,
-            data: &[1, 2, 3],
-        };
-        self.ask(UNIT, &REVERSE, |frame| REVERSE.answer(frame) == [3, 2, 1])
-            .await;
-    }
+        },
+        any,
+    ),
+    (UNIT, &FILES, |frame| {
+        let records = FILES.answer(frame).ok();
+        let first = records.and_then(|mut groups| groups.next());
+        first.is_some_and(|records| records.iter().eq([0x0BAD, 0xCAFE]))
+    }),
+    (UNIT, &FIFO, |frame| {
+        let queue = FIFO.answer(frame);
+        queue.is_ok_and(|queue| queue.iter().eq([0x01B8, 0x1284]))
+    }),
+    (UNIT, &BASIC, |frame| first_object(&BASIC, frame, b'm')),
+    (UNIT, &ONE, |frame| first_object(&ONE, frame, b'n')),
+    (UNIT, &REVERSE, |frame| REVERSE.answer(frame) == [3, 2, 1]),
+    (
+        0,
+        &WriteRegister {
+            address: 20,
+            value: 0x5AA5,
+        },
+        any,
+    ),
+    (UNIT, &ReadRegisters::holding(20, 1), |frame| {
+        frame[3..] == [0x5A, 0xA5]
+    }),
+    (UNIT, &ReadRegisters::holding(60_000, 1), |_| false),
+    (0, &ReadRegisters::holding(20, 1), |_| false),
+];
+
+/// An answer that was found right already.
+fn any(_: &[u8]) -> bool {
+    true
 }
 
 /// Whether the first object is the one asked for and begins with this letter.
@@ -311,14 +279,16 @@ async fn ask(port: &'static Port, mut led: Output<PB5>) {
     while client.write_register(UNIT, 10, 0).await.is_err() {
         Timer::after_millis(200).await;
     }
-    let mut steps = Steps {
-        client,
-        words: [0; STEPS],
-        len: 0,
-    };
-    steps.all().await;
+    let mut words = [0; STEPS.len()];
+    for (word, &(unit, request, expected)) in words.iter_mut().zip(&STEPS) {
+        *word = match client.transact(unit, request).await {
+            Ok(Some(reply)) => outcome(Ok(expected(reply.bytes()))),
+            Ok(None) => outcome(Ok(true)),
+            Err(error) => outcome(Err(error)),
+        };
+    }
     let client = client.with(ClientConfig::new().retries(3));
-    let written = client.write_registers(UNIT, REPORT, &steps.words).await;
+    let written = client.write_registers(UNIT, REPORT, &words).await;
     if written.is_ok() {
         led.high();
     }

@@ -13,12 +13,14 @@ mod asker;
 mod client_answers;
 mod codec;
 mod input;
+mod port_load;
 mod rtu_line;
 mod server_pdu;
 
 pub use ascii_line::ascii_line;
 pub use client_answers::client_answers;
 pub use codec::codec;
+pub use port_load::port_load;
 pub use rtu_line::rtu_line;
 pub use server_pdu::server_pdu;
 
@@ -32,4 +34,5 @@ pub const TARGETS: &[Target] = &[
     ("ascii_line", ascii_line),
     ("codec", codec),
     ("client_answers", client_answers),
+    ("port_load", port_load),
 ];

@@ -9,7 +9,14 @@ use std::process::Command;
 /// Crates of their own, apart from the workspace: libFuzzer is C++.
 const FOLDER: &str = "fuzz";
 
-const TARGETS: [&str; 4] = ["server_pdu", "rtu_line", "ascii_line", "codec"];
+const TARGETS: [&str; 6] = [
+    "server_pdu",
+    "rtu_line",
+    "ascii_line",
+    "codec",
+    "client_answers",
+    "port_load",
+];
 
 /// Where cargo puts what it builds of them, from the root of the repository.
 const BUILT: &str = "target/fuzz";

@@ -1,0 +1,8 @@
+//! Loads and reads of a port's registers, transactions and their answers.
+
+use crate::harness::ports;
+
+/// The input is the script; see [`ports`].
+pub fn port_load(data: &[u8]) {
+    ports::run(data);
+}

@@ -554,6 +554,53 @@ fn a_request_given_up_at_any_moment_leaves_no_answer_behind() {
     }
 }
 
+/// The answer has come, and is not looked at any more.
+#[test]
+fn an_answer_that_nobody_takes_is_given_back() {
+    for heard in [
+        Heard::Frame(vec![17, 3, 2, 0x12, 0x34]),
+        Heard::Damaged(Flaws::CHECK),
+    ] {
+        let comes = heard.clone();
+        let mut desk = Desk::<1>::new(once(move |_| vec![(DELAY, comes.clone())]));
+        let client = desk.port.client(CONFIG);
+        let first = desk.spawn(async move {
+            let _ = client.read_holding_registers(17, 7, &mut [0]).await;
+        });
+        desk.run(SENDS + DELAY - 1);
+        desk.receive_only();
+        assert_eq!(desk.wire.is_lent(), matches!(heard, Heard::Frame(_)));
+        desk.cancel(first);
+        assert!(!desk.wire.is_lent());
+        let (next, _) = desk.ask(async move {
+            let mut cell = [0];
+            let read = client.read_holding_registers(17, 9, &mut cell).await;
+            read.map(|()| cell)
+        });
+        assert_eq!(next, Ok([0x1009]));
+    }
+}
+
+#[test]
+fn what_is_heard_while_nobody_asks_is_dropped() {
+    let mut desk = Desk::<1>::new(once(|answer| {
+        vec![
+            (DELAY, Heard::Frame(answer.clone())),
+            (DELAY + 20, Heard::Damaged(Flaws::CHECK)),
+            (DELAY + 40, Heard::Frame(answer)),
+        ]
+    }));
+    let client = desk.port.client(CONFIG);
+    let read = move |address| async move {
+        let mut cell = [0];
+        let read = client.read_holding_registers(17, address, &mut cell).await;
+        read.map(|()| cell[0])
+    };
+    assert_eq!(desk.ask(read(7)).0, Ok(0x1007));
+    desk.run(100);
+    assert_eq!(desk.ask(read(9)), (Ok(0x1009), SENDS + DELAY + 1));
+}
+
 /// The second, which waits for the answer to the first, is given up too.
 #[test]
 fn an_answer_still_to_come_is_waited_for_by_whoever_is_left() {

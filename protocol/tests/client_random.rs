@@ -94,6 +94,8 @@ enum Harm {
     Cut(usize),
     Grow(Vec<u8>),
     Replace(Vec<u8>),
+    /// As many bytes as it says, whatever was asked for.
+    Counted(u8),
 }
 
 fn harm() -> impl Strategy<Value = Harm> {
@@ -104,6 +106,7 @@ fn harm() -> impl Strategy<Value = Harm> {
         any::<usize>().prop_map(Harm::Cut),
         vec(any::<u8>(), 1..5).prop_map(Harm::Grow),
         vec(any::<u8>(), 0..254).prop_map(Harm::Replace),
+        prop_oneof![0..10_u8, 0..=251_u8].prop_map(Harm::Counted),
     ]
 }
 
@@ -136,6 +139,11 @@ proptest! {
             Harm::Cut(len) => heard.truncate(len % heard.len()),
             Harm::Grow(more) => heard.extend(more),
             Harm::Replace(bytes) => heard = bytes,
+            Harm::Counted(count) => {
+                heard.truncate(2);
+                heard.push(count);
+                heard.resize(3 + usize::from(count), 0x55);
+            }
         }
         let judged = ask.request(|it| judge(it, unit, frame[1], &heard));
         let expected = ask.judge(&frame, &heard);

@@ -118,6 +118,7 @@ impl<L: Line + 'static, const N: usize> Expecting<'_, L, N> {
 impl<L: Line + 'static, const N: usize> Drop for Expecting<'_, L, N> {
     fn drop(&mut self) {
         self.0.expecting.set(false);
+        // A frame that came and was not looked at goes back to the line.
         self.0.heard.reset();
     }
 }

@@ -86,6 +86,11 @@ impl Wire {
         self.lent.get()
     }
 
+    /// Whether somebody has the buffer.
+    pub fn is_lent(&self) -> bool {
+        self.lent.get()
+    }
+
     fn is_silent(&self) -> bool {
         self.now.get() >= self.busy_until.get()
     }
@@ -319,6 +324,15 @@ impl<'a, const N: usize> Desk<'a, N> {
                 task.future = None;
             }
         }
+    }
+
+    /// A ms in which no task is polled but the one that takes frames from the line.
+    pub fn receive_only(&mut self) {
+        self.wire.tick();
+        MockDriver::get().advance(Duration::from_millis(1));
+        let rest = self.tasks.split_off(1);
+        self.poll();
+        self.tasks.extend(rest);
     }
 
     /// Ms since the start.

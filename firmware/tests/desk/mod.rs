@@ -86,11 +86,6 @@ impl Wire {
         self.lent.get()
     }
 
-    /// Whether somebody has the buffer.
-    pub fn is_lent(&self) -> bool {
-        self.lent.get()
-    }
-
     fn is_silent(&self) -> bool {
         self.now.get() >= self.busy_until.get()
     }

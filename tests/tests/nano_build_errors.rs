@@ -1,0 +1,172 @@
+//! What the Nano's board crate says at build time of what its chip cannot do: the message that a user reads.
+//!
+//! Each case is an example of a package that is written for the purpose; one run of the firmware's cargo checks them all.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+const PORT: &str = "const PORT: PortConfig = PortConfig::new(\"RS4\")";
+const SETTINGS: &str = "const _: Settings<RtuOnly> = settings(&PORT);";
+
+/// Name, source, and what rustc has to say of it.
+fn cases() -> Vec<(&'static str, String, &'static str)> {
+    let port = |builder: &str| format!("{PORT}{builder};\n{SETTINGS}");
+    vec![
+        (
+            "baud",
+            port(".baud(921_600)"),
+            "port RS4: baud is 921600, the clock does not make it within 2.5 %, nearest is 1000000",
+        ),
+        (
+            "baud_low",
+            port(".baud(300)"),
+            "port RS4: baud is 300, the clock does not make it within 2.5 %, nearest is 2400",
+        ),
+        (
+            "framing",
+            port(".framing(Framing::Ascii).baud(38_400)"),
+            "port RS4: framing is ASCII, must be RTU on a line of type Rs485; Rs485Ascii has both",
+        ),
+        (
+            "duplex",
+            port(".baud(38_400).duplex(Duplex::Full)"),
+            "port RS4: duplex is 1, must be 0 (half): the line has a DE pin",
+        ),
+        (
+            "flow",
+            port(".baud(38_400).flow(Flow::RtsCts)"),
+            "port RS4: flow is 1, must be 0 (none): the ATmega328P has no RTS and CTS",
+        ),
+        (
+            "pin_twice",
+            "pub fn take(pins: Pins) -> (Output<PD2>, Input<PD2>) {\n    \
+             (Output::new(pins.PD2, false), Input::new(pins.PD2, true))\n}"
+                .to_owned(),
+            "use of moved value: `pins.PD2`",
+        ),
+        ("right", port(".baud(38_400)"), ""),
+    ]
+}
+
+const IMPORTS: &str = "#![no_std]
+#![allow(unused_imports)]
+use board_nano::settings;
+use embassy_avr_hal::gpio::{Input, Output, PD2, Pins};
+use embassy_avr_hal::usart::{RtuOnly, Settings};
+use multidrop_firmware::PortConfig;
+use multidrop_firmware::protocol::format::Framing;
+use multidrop_firmware::protocol::port_registers::{Duplex, Flow};
+";
+
+/// The compiler that the firmware is built with, as `cargo xtask` finds it.
+fn cargo() -> Command {
+    let has = |name: &str| {
+        let listed = Command::new("rustup").args(["toolchain", "list"]).output();
+        listed.is_ok_and(|output| {
+            String::from_utf8_lossy(&output.stdout)
+                .lines()
+                .any(|line| line.starts_with(name))
+        })
+    };
+    let (program, toolchain) = match ["1.96.0", "firmware"].into_iter().find(|name| has(name)) {
+        Some(name) => ("cargo", Some(name)),
+        None => ("/usr/bin/cargo", None),
+    };
+    let mut cargo = Command::new(program);
+    for name in [
+        "CARGO",
+        "RUSTC",
+        "RUSTFLAGS",
+        "CARGO_TARGET_DIR",
+        "RUSTUP_TOOLCHAIN",
+    ] {
+        cargo.env_remove(name);
+    }
+    cargo.env("RUSTC_BOOTSTRAP", "1");
+    if let Some(name) = toolchain {
+        cargo.env("RUSTUP_TOOLCHAIN", name);
+    }
+    cargo
+}
+
+#[test]
+fn what_the_nano_cannot_do_stops_the_build_and_says_why() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("the repository");
+    let board = root.join("board-nano");
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("nano_build_errors");
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(folder.join("examples")).unwrap();
+    fs::create_dir_all(folder.join(".cargo")).unwrap();
+    fs::copy(
+        board.join(".cargo/config.toml"),
+        folder.join(".cargo/config.toml"),
+    )
+    .unwrap();
+    fs::copy(board.join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+    fs::write(folder.join("lib.rs"), "#![no_std]\n").unwrap();
+    // The same profile, so that what the images are made of is not built once more.
+    let manifest = fs::read_to_string(board.join("Cargo.toml")).unwrap();
+    let profile = &manifest[manifest.find("[profile.release]").unwrap()..];
+    let path = |folder: &Path| folder.display().to_string();
+    let mut package = format!(
+        "cargo-features = [\"panic-immediate-abort\"]\n\n[package]\nname = \"cases\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
+         [workspace]\n\n[lib]\npath = \"lib.rs\"\n\n[dependencies]\nboard-nano = {{ path = {:?} }}\n\
+         embassy-avr-hal = {{ path = {:?} }}\nmultidrop-firmware = {{ path = {:?} }}\n\n",
+        path(&board),
+        path(&board.join("embassy-avr-hal")),
+        path(&root.join("firmware")),
+    );
+    let cases = cases();
+    for (name, source, _) in &cases {
+        let file = folder.join(format!("examples/{name}.rs"));
+        fs::write(file, format!("{IMPORTS}{source}\n")).unwrap();
+        package += &format!("[[example]]\nname = {name:?}\ncrate-type = [\"lib\"]\n\n");
+    }
+    fs::write(folder.join("Cargo.toml"), package + profile).unwrap();
+
+    let output = cargo()
+        .current_dir(&folder)
+        .args([
+            "check",
+            "--release",
+            "--keep-going",
+            "--examples",
+            "--message-format",
+            "json",
+        ])
+        .arg("--target-dir")
+        .arg(root.join("target/avr"))
+        .output()
+        .expect("cargo runs");
+    let text = String::from_utf8_lossy(&output.stdout);
+    for (name, source, message) in &cases {
+        let errors: Vec<&str> = text
+            .lines()
+            .filter(|line| {
+                line.contains(&format!("\"name\":{name:?}")) && line.contains("\"level\":\"error\"")
+            })
+            .collect();
+        if message.is_empty() {
+            assert!(
+                errors.is_empty() && text.contains(&format!("\"name\":{name:?}")),
+                "{name}: {source}\n{errors:#?}\n{}",
+                String::from_utf8_lossy(&output.stderr)
+            );
+            continue;
+        }
+        let whole = [
+            format!("\"message\":\"evaluation panicked: {message}\""),
+            format!("\"message\":\"{message}\""),
+        ];
+        assert!(
+            errors
+                .iter()
+                .any(|line| whole.iter().any(|whole| line.contains(whole))),
+            "{name}: {source}\n{errors:#?}\n{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+    }
+}

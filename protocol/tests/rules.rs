@@ -169,6 +169,14 @@ fn the_rules_of_a_list_can_be_counted_and_read() {
 }
 
 #[test]
+fn more_values_than_a_request_has_are_refused() {
+    let judged = |count: usize| NoRules::check_write(0, Registers::new(&vec![0; 2 * count]), 0);
+    assert_eq!(judged(255), Ok(()));
+    assert_eq!(judged(256), Err(Exception::IllegalDataValue));
+    assert_eq!(judged(0), Ok(()));
+}
+
+#[test]
 fn without_rules_everything_goes() {
     assert_eq!(
         NoRules::check_write(65_535, Registers::new(&[9, 9]), u32::MAX),

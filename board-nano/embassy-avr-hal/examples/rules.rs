@@ -45,6 +45,27 @@ rules! {
     DISABLE_REG { 100..=109, 120..=125, 140..=149, 200..=255 }
 }
 
+rules! {
+    /// 32 rules on values, eight of which are for two registers of the block each.
+    struct Pairs: "RS4";
+    VALID_DATA {
+        100..=100 => list(1), 101..=101 => list(1), 102..=102 => list(1), 103..=103 => list(1),
+        104..=104 => list(1), 105..=105 => list(1), 106..=106 => list(1), 107..=107 => list(1),
+        0..=1 => list(1, 2, 3, 500, 4000),
+        2..=3 => list(1, 2, 3, 500),
+        4..=5 => list(1, 2, 3, 500),
+        6..=7 => list(1, 2, 3, 500),
+        8..=9 => range(100..=200),
+        10..=11 => range(100..=200),
+        12..=13 => range(100..=200),
+        14..=15 => list(100, 200),
+        110..=110 => list(1), 111..=111 => list(1), 112..=112 => list(1), 113..=113 => list(1),
+        114..=114 => list(1), 115..=115 => list(1), 116..=116 => list(1), 117..=117 => list(1),
+        120..=120 => list(1), 121..=121 => list(1), 122..=122 => list(1), 123..=123 => list(1),
+        124..=124 => list(1), 125..=125 => list(1), 126..=126 => list(1), 127..=127 => list(1),
+    }
+}
+
 const BYTES: usize = 32;
 
 fn judge(
@@ -78,6 +99,7 @@ fn main() -> ! {
     }
     judge(&mut out, NoRules::check_write, 0, &each_its_rule);
     judge(&mut out, Rules32::check_write, 0, &each_its_rule);
+    judge(&mut out, Pairs::check_write, 0, &each_its_rule);
     let zeros = black_box([0; BYTES]);
     judge(&mut out, Rules32::check_write, 16, &zeros);
     judge(&mut out, Rules32::check_write, 1048, &zeros);

@@ -57,13 +57,18 @@ pub trait Rules {
     /// # Errors
     ///
     /// [`Exception::IllegalDataAddress`] for a register outside VALID_REG, else [`Exception::NegativeAcknowledge`] for one that
-    /// is disabled, else [`Exception::IllegalDataValue`] for a value that VALID_DATA does not allow.
+    /// is disabled, else [`Exception::IllegalDataValue`] for a value that VALID_DATA does not allow; also for more than 255 values.
     fn check_write(first: u16, values: Registers<'_>, flags: u32) -> Result<(), Exception> {
-        if values.is_empty() {
+        let count = values.len();
+        if count == 0 {
             return Ok(());
         }
+        // No request has more.
+        if count > 255 {
+            return Err(Exception::IllegalDataValue);
+        }
         let Some(block) =
-            Block::new(first, values.len() as u16, values).filter(|block| Self::exists(block))
+            Block::new(first, count as u16, values).filter(|block| Self::exists(block))
         else {
             return Err(Exception::IllegalDataAddress);
         };
@@ -227,19 +232,28 @@ impl<'a> Block<'a> {
 
     #[inline(never)]
     fn are_within(&self, span: Span, allowed: Span) -> bool {
-        self.of(span).iter().all(|value| allowed.has(value))
+        self.all(span, |value| allowed.has(value))
     }
 
     #[inline(never)]
     fn do_pass(&self, span: Span, allowed: fn(u16) -> bool) -> bool {
-        self.of(span).iter().all(allowed)
+        self.all(span, allowed)
     }
 
-    /// The values for registers in `span`.
+    /// Of a write, which has no more registers than fit an index of 8 bits.
     #[inline(always)]
-    fn of(&self, span: Span) -> Registers<'a> {
-        let skipped = span.first.saturating_sub(self.first);
-        self.values.part(skipped.into(), self.overlap(span).into())
+    fn all(&self, span: Span, allowed: impl Fn(u16) -> bool) -> bool {
+        let mut index = span.first.saturating_sub(self.first) as u8;
+        let last = (self.last.min(span.last) - self.first) as u8;
+        loop {
+            if !allowed(self.values.get(index.into()).unwrap_or(0)) {
+                return false;
+            }
+            if index == last {
+                return true;
+            }
+            index = index.wrapping_add(1);
+        }
     }
 }
 

@@ -64,7 +64,9 @@ fn body(bytes: &[u8]) -> Option<Vec<u8>> {
             .map(|at| u8::from_str_radix(text.get(at..at + 2)?, 16).ok())
             .collect::<Option<_>>()?;
         let sum: u32 = body.iter().map(|byte| u32::from(*byte)).sum();
-        return sum.is_multiple_of(256).then(|| body[..body.len() - 1].to_vec());
+        return sum
+            .is_multiple_of(256)
+            .then(|| body[..body.len() - 1].to_vec());
     }
     let body = bytes.get(..bytes.len().checked_sub(2)?)?;
     (frames::adu(body) == bytes).then(|| body.to_vec())

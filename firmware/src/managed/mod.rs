@@ -59,8 +59,10 @@ struct Started {
     times: ClientConfig,
 }
 
-/// A port on line `L` with registers `P`, which are [`PortRegisters`]. `D` says whether its server counts;
-/// `N` requests of [clients](Self::client) and the port itself may wait while one runs.
+/// A port on line `L` with registers `P`, which are [`PortRegisters`]. `D` says whether its server counts.
+///
+/// `N` is how many may wait for the line: one place for the port itself, and one for each task with a
+/// [client](Self::client) of it. With fewer all goes well too, but the CPU does not sleep while the port waits.
 pub struct ManagedPort<L: Line + 'static, P, D = Uncounted, const N: usize = 1> {
     name: &'static str,
     line: L,
@@ -154,7 +156,8 @@ where
     /// transaction under way is untouched.
     pub fn load(&self, register: Register, value: u32) -> Result<(), Refused> {
         self.registers.with(|registers| {
-            match registers.load_checked(register, value, &|line| self.check(line))? {
+            let mode = registers.settings().mode;
+            match registers.load_checked(register, value, &|line| self.check(mode, line))? {
                 Change::Done => return Ok(()),
                 Change::Mode | Change::Line => {}
                 Change::Start => {
@@ -172,14 +175,14 @@ where
         })
     }
 
-    fn check(&self, line: &LineSettings) -> Result<(), Reason> {
+    fn check(&self, mode: Mode, line: &LineSettings) -> Result<(), Reason> {
         if line.duplex != L::DUPLEX {
             return Err(Reason::Wiring);
         }
         if line.flow == Flow::RtsCts && !L::RTS_CTS {
             return Err(Reason::Chip);
         }
-        let config = line_config(self.mode.get(), line);
+        let config = line_config(mode, line);
         self.line.check(&config).map_err(|error| match error {
             LineError::Baud { nearest } => Reason::Baud(nearest),
             LineError::Format(_) => Reason::Chip,

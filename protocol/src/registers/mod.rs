@@ -1,7 +1,7 @@
 //! Banks: application memory behind Modbus addresses.
 //!
 //! A data model holds banks and hands each call on to the one it is for, in one line. Addresses outside a bank are answered
-//! with [`Exception::IllegalDataAddress`](crate::exception::Exception::IllegalDataAddress). The application reaches the same
+//! with [`Exception::IllegalDataAddress`]. The application reaches the same
 //! cells by `get` and `set`. [`rules!`](crate::rules!) declares which registers a master may write, and what.
 //!
 //! | shape | dense | with a table of addresses |

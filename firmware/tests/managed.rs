@@ -17,7 +17,7 @@ use multidrop_firmware::protocol::registers::{
 };
 use multidrop_firmware::protocol::rtu::Flaws;
 use multidrop_firmware::protocol::rules;
-use multidrop_firmware::protocol::server::Uncounted;
+use multidrop_firmware::protocol::server::{Counted, Uncounted};
 
 type Port<R, C = CoilBank<2>, V = NoRules> =
     &'static ManagedPort<TestLine, PortRegisters<R, C, V>, Uncounted, 2>;
@@ -661,6 +661,45 @@ fn a_client_of_the_port_waits_until_it_is_master() {
     assert_eq!(asked.take(), Some(Ok(())));
     assert!(
         matches!(wire.log.borrow().last(), Some(Event::Configured(config)) if config.baud == 9600)
+    );
+}
+
+#[test]
+fn a_slave_that_counts_has_its_counters_in_every_mode() {
+    let mut bench = Bench::new();
+    let wire = Wire::new(RS4.line());
+    type Counting =
+        ManagedPort<TestLine, PortRegisters<Bank<10>, CoilBank<2>, NoRules>, Counted<8>>;
+    let port: &'static Counting = Box::leak(Box::new(ManagedPort::counted(
+        TestLine(wire),
+        &RS4,
+        RS4.bank(),
+        RS4.coil_bank(16),
+    )));
+    bench.wire(wire);
+    bench.spawn(async move { managed_receive(port).await });
+    bench.spawn(async move { managed_run(port).await });
+    bench.poll();
+    wire.hear(Err(Flaws::CHECK));
+    wire.hear(Err(Flaws::GAP));
+    wire.hear(Ok(vec![18, 3, 0, 0, 0, 1]));
+    bench.run(20);
+    // What a master or a port that is off hears is none of the slave's business.
+    for mode in [0, 2] {
+        port.load(Register::Mode, mode).unwrap();
+        bench.run(5);
+        wire.hear(Err(Flaws::CHECK));
+        bench.run(5);
+    }
+    port.load(Register::Mode, 1).unwrap();
+    bench.run(5);
+    wire.hear(Ok(vec![17, 8, 0, 12, 0, 0]));
+    bench.run(20);
+    wire.hear(Ok(vec![17, 8, 0, 11, 0, 0]));
+    bench.run(20);
+    assert_eq!(
+        wire.sent(),
+        [vec![17, 8, 0, 12, 0, 2], vec![17, 8, 0, 11, 0, 3]]
     );
 }
 

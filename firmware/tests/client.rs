@@ -353,6 +353,33 @@ fn a_broadcast_is_not_answered_and_others_wait_until_all_are_done_with_it() {
     assert_eq!(began, [0, SENDS + 60]);
 }
 
+/// Given up at any moment: the next request still waits for all to be done.
+#[test]
+fn a_broadcast_given_up_is_waited_for_by_the_next_request() {
+    for moment in 0..SENDS + 60 {
+        let mut desk = Desk::<1>::new(once(|answer| vec![(DELAY, Heard::Frame(answer))]));
+        let client = desk.port.client(CONFIG.turnaround_ms(60));
+        let first = desk.spawn(async move {
+            let _ = client.write_register(0, 3, 7).await;
+        });
+        desk.run(moment);
+        desk.cancel(first);
+        let (write, _) = desk.ask(async move { client.write_register(17, 3, 7).await });
+        assert_eq!(write, Ok(()));
+        let sent = desk.wire.sent.borrow();
+        let broadcast = sent.iter().any(|(_, request)| request[0] == 0);
+        assert_eq!(broadcast, moment >= SENDS);
+        let (began, _) = sent
+            .iter()
+            .find(|(_, request)| request[0] == 17)
+            .expect("sent");
+        assert!(
+            !broadcast || *began >= SENDS + 60,
+            "given up at {moment}: {began}"
+        );
+    }
+}
+
 #[test]
 fn what_is_heard_after_a_broadcast_is_dropped() {
     let mut desk = Desk::<1>::new(|request| match request[0] {

@@ -5,10 +5,10 @@ use core::cell::Cell;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
 use embassy_sync::signal::Signal;
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 use multidrop_protocol::rtu::Flaws;
 
-use super::{ClientConfig, ClientError};
+use super::ClientError;
 use crate::line::{Frame, Line};
 
 /// What was heard: a frame, lent and provisional, or what was wrong with one.
@@ -90,12 +90,12 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         Expecting(self)
     }
 
-    /// A request goes out that will be answered within its timeout. If the result is dropped
-    /// before [`Debt::settle`], others wait for that answer.
-    pub(super) fn owe<'a>(&'a self, config: &'a ClientConfig) -> Debt<'a, L, N> {
+    /// A request goes out. If the result is dropped before [`Debt::settle`], the next request waits for so many
+    /// ticks of `embassy-time` for its answer.
+    pub(super) fn owe(&self, ticks: u32) -> Debt<'_, L, N> {
         Debt {
             exchange: self,
-            config,
+            ticks,
         }
     }
 }
@@ -123,14 +123,14 @@ impl<L: Line + 'static, const N: usize> Drop for Expecting<'_, L, N> {
     }
 }
 
-/// An answer that is to come.
+/// An answer that is to come, or the time that servers take for a broadcast.
 pub(super) struct Debt<'a, L: Line + 'static, const N: usize> {
     exchange: &'a Exchange<L, N>,
-    config: &'a ClientConfig,
+    ticks: u32,
 }
 
 impl<L: Line + 'static, const N: usize> Debt<'_, L, N> {
-    /// It came, or will not.
+    /// It came, or will not; the time is over.
     pub fn settle(self) {
         core::mem::forget(self);
     }
@@ -138,7 +138,7 @@ impl<L: Line + 'static, const N: usize> Debt<'_, L, N> {
 
 impl<L: Line + 'static, const N: usize> Drop for Debt<'_, L, N> {
     fn drop(&mut self) {
-        let until = Instant::now() + self.config.timeout();
+        let until = Instant::now() + Duration::from_ticks(self.ticks.into());
         self.exchange.owed_until.set(until);
         self.exchange.is_owed.set(true);
     }

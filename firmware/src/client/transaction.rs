@@ -103,7 +103,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                 }
 
                 let mut give_up = None;
-                let (function, debt) = loop {
+                let (function, answered, debt) = loop {
                     let mut frame = match self.lend(&mut give_up).await {
                         Ok(frame) => frame,
                         Err(error) => break 'tried error,
@@ -111,19 +111,22 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                     let encoded = encode(request, unit, frame.adu())?;
                     let function = frame.bytes()[1];
                     frame.release(encoded.len);
-                    let debt = encoded.answered.then(|| self.exchange.owe(&self.config));
+                    let debt = self.exchange.owe(if encoded.answered {
+                        self.config.timeout
+                    } else {
+                        self.config.turnaround
+                    });
                     if frame.sent().await {
-                        break (function, debt);
+                        break (function, encoded.answered, debt);
                     }
                     // Somebody has begun to talk.
-                    if let Some(debt) = debt {
-                        debt.settle();
-                    }
+                    debt.settle();
                 };
-                let Some(debt) = debt else {
+                if !answered {
                     Timer::after(self.config.turnaround()).await;
+                    debt.settle();
                     return Ok(None);
-                };
+                }
 
                 let expecting = self.exchange.expect();
                 let mut deadline = Instant::now() + self.config.timeout();
@@ -180,7 +183,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         }
     }
 
-    /// Waits for the answer to a request that was given up, and drops it.
+    /// Waits for the answer to a request that was given up, and drops it; or until all are done with a broadcast.
     async fn collect(&self) {
         let expecting = self.exchange.expect();
         let until = self.exchange.owed_until();

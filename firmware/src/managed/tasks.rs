@@ -6,12 +6,12 @@ use core::pin::pin;
 use core::task::Poll;
 
 use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
-use multidrop_protocol::port_registers::{Mode, PortRegisters, Status, Step};
+use multidrop_protocol::port_registers::{Mode, PortRegisters, Status, Step, Transaction};
 use multidrop_protocol::registers::{Items, Rules};
 use multidrop_protocol::server::{Diagnostics, Plan};
 
-use super::{Failure, ManagedPort, Outcome, Started};
-use crate::client::{Client, ClientError, Turn};
+use super::{Failure, ManagedPort, Outcome};
+use crate::client::{Client, ClientConfig, ClientError, Turn};
 use crate::config::line_config;
 use crate::line::{Frame, Line, LineConfig};
 use crate::shared::Shared;
@@ -68,8 +68,7 @@ where
             port.follow(&mut turn, mode, line).await;
         }
         if let Some(started) = started {
-            let outcome = port.transact(&started).await;
-            port.finish(outcome);
+            port.transact(started.transaction, started.times).await;
         } else if let Some(frame) = port.next().await {
             port.answer(frame).await;
         }
@@ -147,9 +146,8 @@ where
     }
 
     /// Request by request.
-    async fn transact(&'static self, started: &Started) -> Outcome {
-        let client: Client<L, N> = self.client(started.times);
-        let mut transaction = started.transaction;
+    async fn transact(&'static self, mut transaction: Transaction, times: ClientConfig) {
+        let client: Client<L, N> = self.client(times);
         let mut outcome = Ok(());
         while let Some(step) = self
             .registers
@@ -184,9 +182,10 @@ where
                 }
             }
         }
-        outcome
+        self.finish(outcome);
     }
 
+    #[inline(never)]
     fn finish(&self, outcome: Outcome) {
         let (status, error) = match &outcome {
             Ok(()) => (Status::Idle, 0),

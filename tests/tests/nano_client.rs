@@ -8,6 +8,10 @@ use multidrop_bus::{
     Bus, BusConfig, Framing, HostId, HostPort, Level, Nano, NodeId, Pin, Station, Time, framed,
 };
 
+/// How long DE of a client may stay up: the time driver keeps other interrupts waiting meanwhile. A character
+/// is 260 us.
+const DE_LAG: Time = Time::from_us(50);
+
 /// A bus with a client, its server, and a host that listens.
 fn pair(client: &str, server: &str) -> (Bus, NodeId, HostId) {
     let mut bus = Bus::new(BusConfig::default());
@@ -36,7 +40,7 @@ fn asks_every_function_of_the_conformance_image_once() {
     assert!(bus.run_until(done, Time::from_s(20)), "{}", bus.record());
     let gaps = gaps(&bus, client);
     bus.run_for(Time::from_ms(20));
-    assert_bus_rules(&bus, LINE);
+    assert_bus_rules(&bus, (LINE, DE_LAG));
     bus.clear_record();
 
     let answer = bus.transact(host, &words(17, 3, 40, 41), Time::from_ms(100));

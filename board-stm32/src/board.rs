@@ -5,8 +5,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 #[cfg(feature = "defmt")]
 use defmt_rtt as _;
-use embassy_executor::{Executor, Spawner};
-use static_cell::StaticCell;
+use embassy_executor::Spawner;
 
 use crate::demo_unit::LEDS;
 use crate::platform;
@@ -58,8 +57,7 @@ pub fn init() -> Board {
 /// # Panics
 /// The second time.
 pub fn run(init: impl FnOnce(Spawner)) -> ! {
-    static EXECUTOR: StaticCell<Executor> = StaticCell::new();
-    EXECUTOR.init(Executor::new()).run(init)
+    platform::run(init)
 }
 
 /// The demonstration unit's outputs: bits 0 to 12 on PC0 to PC12, which the first call makes outputs.

@@ -1,5 +1,6 @@
 //! The chip itself: 168 MHz from a crystal of 8 MHz, TIM5's four compare channels as alarms.
 
+use embassy_executor::{Executor, Spawner};
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::pac::{self, TIM5};
@@ -8,6 +9,7 @@ use embassy_stm32::rcc::{
     Sysclk,
 };
 use embassy_stm32::time::Hertz;
+use static_cell::StaticCell;
 
 use crate::ports::{APB1_HZ, APB2_HZ, PORTS};
 use crate::usart;
@@ -134,13 +136,13 @@ fn TIM5() {
 #[inline(always)]
 pub(crate) fn on_put(_port: usize, _settings: &Settings) {}
 
-/// Has [`usart::on_interrupt`] called as soon as the transmitter takes another character.
+/// Has the USART interrupt whenever the transmitter takes another character.
 #[inline(always)]
 pub(crate) fn await_ready(_port: usize, registers: &Registers, settings: &Settings) {
     registers.send(settings, TXE);
 }
 
-/// Has it called as soon as the last character has left, stop bits included.
+/// Has it interrupt as soon as the last character has left, stop bits included.
 #[inline(always)]
 pub(crate) fn await_sent(_port: usize, registers: &Registers, settings: &Settings) {
     registers.send(settings, TC);
@@ -156,4 +158,10 @@ pub(crate) fn is_ready(_port: usize, registers: &Registers) -> bool {
 #[inline(always)]
 pub(crate) fn is_sent(_port: usize, registers: &Registers) -> bool {
     registers.status() & TC != 0
+}
+
+/// Runs tasks for ever, asleep between them.
+pub(crate) fn run(init: impl FnOnce(Spawner)) -> ! {
+    static EXECUTOR: StaticCell<Executor> = StaticCell::new();
+    EXECUTOR.init(Executor::new()).run(init)
 }

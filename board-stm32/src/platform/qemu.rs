@@ -6,15 +6,20 @@
 //! - A character is sent as soon as it is written. Here its time passes before the transmitter is called
 //!   ready or done: the port's alarm, which is not needed while it sends, tells.
 
-use core::cell::RefCell;
+use core::arch::asm;
+use core::cell::{RefCell, UnsafeCell};
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::task::Waker;
 
+use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
 use critical_section::Mutex;
+use embassy_executor::{Spawner, raw};
 use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::pac::{self, TIM2, TIM5};
 use embassy_time_queue_utils::Queue;
+use static_cell::StaticCell;
 
 use crate::TICK_HZ;
 use crate::ports::{PORTS, WIRING};
@@ -34,90 +39,56 @@ const _: () = assert!(168_000_000 / CPU_TICKS == TICK_HZ / LINE_TICKS);
 /// The farthest that SysTick is set, in ticks of TIM5: it has 24 bits. It is looked at again then.
 const FARTHEST: u32 = 4_000_000;
 
-/// What the alarms know.
+/// The alarm of `embassy-time`, behind those of the ports.
+const TIME: usize = PORTS;
+
+/// What goes off when. Bit `n` of the masks is the alarm `at[n]`.
 struct Alarms {
-    ports: [Alarm; PORTS],
-    time: Time,
+    at: [u32; PORTS + 1],
+    on: u32,
+    /// Those that have not gone off since they were set.
+    armed: u32,
     /// When SysTick goes off.
     next: u32,
-}
-
-/// The alarm of a port.
-#[derive(Clone, Copy)]
-struct Alarm {
-    at: u32,
-    on: bool,
-    /// It has not gone off since it was set.
-    armed: bool,
-    transmitter: Transmitter,
+    transmitters: [Transmitter; PORTS],
 }
 
 /// A transmitter as silicon has it: a data register before a shift register.
 #[derive(Clone, Copy)]
 struct Transmitter {
-    /// When the first of the characters was written that have followed each other without a gap.
-    since: u32,
-    /// How many these are, 0 if none is under way.
-    characters: u32,
-    /// Clock cycles of one.
-    cycles: u32,
-    clock_hz: u32,
+    /// When the data register is empty.
+    ready_at: u32,
+    /// When the shift register is too.
+    sent_at: u32,
+    /// What `sent_at` is short of that, in parts of a tick: so many are one.
+    rest: u32,
+    idle: bool,
 }
 
-impl Transmitter {
-    const IDLE: Self = Self {
-        since: 0,
-        characters: 0,
-        cycles: 0,
-        clock_hz: 1,
-    };
+/// [`Alarms`], for interrupts of the line, which do not nest, and with interrupts off.
+struct AlarmsCell(UnsafeCell<Alarms>);
 
-    /// When this many characters have left.
-    fn end_of(&self, characters: u32) -> u32 {
-        let cycles = u64::from(characters * self.cycles);
-        let ticks = (cycles * u64::from(TICK_HZ)).div_ceil(self.clock_hz.into());
-        self.since.wrapping_add(ticks as u32)
-    }
+// SAFETY: see above.
+unsafe impl Sync for AlarmsCell {}
 
-    /// When the data register is empty: with the last character in the shift register.
-    fn ready_at(&self) -> u32 {
-        self.end_of(self.characters.saturating_sub(1))
-    }
-
-    /// When all has left.
-    fn sent_at(&self) -> u32 {
-        self.end_of(self.characters)
-    }
-}
-
-/// The clock of `embassy-time`.
-struct Time {
-    /// TIM2 when it was last read, and how often it has gone round.
-    count: u32,
-    turns: u32,
-    queue: Queue,
-    /// When the queue wants to be looked at, in ticks of TIM5.
-    at: Option<u32>,
-}
-
-static ALARMS: Mutex<RefCell<Alarms>> = Mutex::new(RefCell::new(Alarms {
-    ports: [Alarm {
-        at: 0,
-        on: false,
-        armed: false,
-        transmitter: Transmitter::IDLE,
-    }; PORTS],
-    time: Time {
-        count: 0,
-        turns: 0,
-        queue: Queue::new(),
-        at: None,
-    },
+static ALARMS: AlarmsCell = AlarmsCell(UnsafeCell::new(Alarms {
+    at: [0; PORTS + 1],
+    on: 1 << TIME,
+    armed: 0,
     next: 0,
+    transmitters: [Transmitter {
+        ready_at: 0,
+        sent_at: 0,
+        rest: 0,
+        idle: true,
+    }; PORTS],
 }));
 
-fn with_alarms<R>(f: impl FnOnce(&mut Alarms) -> R) -> R {
-    critical_section::with(|cs| f(&mut ALARMS.borrow_ref_mut(cs)))
+/// The one there is.
+#[inline(always)]
+fn alarms() -> &'static mut Alarms {
+    // SAFETY: callers are interrupts of the line or have interrupts off, and keep it for a statement only.
+    unsafe { &mut *ALARMS.0.get() }
 }
 
 /// Timers and interrupts.
@@ -136,7 +107,14 @@ pub(crate) fn init() {
         // SAFETY: each has its handler in this crate.
         unsafe { interrupt.enable() };
     }
-    with_alarms(|alarms| alarms.set_timer());
+    critical_section::with(|_| {
+        // SAFETY: SysTick is this module's.
+        let mut systick = unsafe { cortex_m::Peripherals::steal() }.SYST;
+        systick.set_clock_source(SystClkSource::Core);
+        alarms().set_timer();
+        systick.enable_interrupt();
+        systick.enable_counter();
+    });
 }
 
 /// The present tick.
@@ -146,90 +124,119 @@ pub(crate) fn now() -> u32 {
 }
 
 /// How long it is from `now` until `at`; 0 if that has passed.
+#[inline(always)]
 fn until(at: u32, now: u32) -> u32 {
     let left = at.wrapping_sub(now);
     if left as i32 > 0 { left } else { 0 }
 }
 
 /// Sets the alarm of `port`; one that is on goes off then, at once if `at` has passed.
+#[inline(always)]
 pub(crate) fn set_alarm(port: usize, at: u32) {
-    with_alarms(|alarms| alarms.set(port, at));
+    alarms().set(port, at);
 }
 
 /// Lets the alarm of `port` go off.
+#[inline(always)]
 pub(crate) fn alarm_on(port: usize) {
-    with_alarms(|alarms| {
-        alarms.ports[port].on = true;
-        alarms.hasten(alarms.ports[port].at);
-    });
+    let alarms = alarms();
+    alarms.on |= 1 << port;
+    alarms.hasten(port);
 }
 
 /// No alarm of `port` until the next [`alarm_on`].
+#[inline(always)]
 pub(crate) fn alarm_off(port: usize) {
-    with_alarms(|alarms| alarms.ports[port].on = false);
+    alarms().on &= !(1 << port);
 }
 
 impl Alarms {
-    fn set(&mut self, port: usize, at: u32) {
-        self.ports[port].at = at;
-        self.ports[port].armed = true;
-        if self.ports[port].on {
-            self.hasten(at);
-        }
+    #[inline(always)]
+    fn set(&mut self, alarm: usize, at: u32) {
+        self.at[alarm] = at;
+        self.armed |= 1 << alarm;
+        self.hasten(alarm);
     }
 
-    /// Sets SysTick anew if it would come too late for `at`. Coming too early does no harm.
-    fn hasten(&mut self, at: u32) {
-        if (self.next.wrapping_sub(at) as i32) > 0 {
+    /// Sets SysTick anew if it would come too late. Coming too early does no harm.
+    #[inline(always)]
+    fn hasten(&mut self, alarm: usize) {
+        let is_late = (self.next.wrapping_sub(self.at[alarm]) as i32) > 0;
+        if is_late && self.on & 1 << alarm != 0 {
             self.set_timer();
         }
     }
 
-    /// Sets SysTick to the nearest alarm. It counts RVR + 1 cycles (ARMv7-M B3.3.1).
+    /// Sets SysTick to the nearest alarm. It counts RVR + 1 cycles, from when CVR is written (ARMv7-M B3.3.1).
+    #[inline(never)]
     fn set_timer(&mut self) {
         let now = now();
         let mut left = FARTHEST;
-        for alarm in &self.ports {
-            if alarm.on && alarm.armed {
-                left = left.min(until(alarm.at, now));
-            }
-        }
-        if let Some(at) = self.time.at {
-            left = left.min(until(at, now));
+        for alarm in self.pending() {
+            left = left.min(until(self.at[alarm], now));
         }
         self.next = now.wrapping_add(left);
         // SAFETY: SysTick is this module's.
-        let mut systick = unsafe { cortex_m::Peripherals::steal() }.SYST;
-        systick.disable_counter();
-        systick.set_reload((left * CPU_TICKS / LINE_TICKS).max(1));
-        systick.clear_current();
-        systick.set_clock_source(SystClkSource::Core);
-        systick.enable_interrupt();
-        systick.enable_counter();
+        let systick = unsafe { &*SYST::PTR };
+        // SAFETY: any value of 24 bits but 0.
+        unsafe {
+            systick.rvr.write((left * CPU_TICKS / LINE_TICKS).max(1));
+            systick.cvr.write(0);
+        }
     }
 
-    /// A port whose alarm is due, which it is no more after this.
+    /// An alarm that is due, which it is no more after this.
+    #[inline(always)]
     fn take_due(&mut self) -> Option<usize> {
         let now = now();
-        let due = |alarm: &Alarm| alarm.on && alarm.armed && until(alarm.at, now) == 0;
-        let port = self.ports.iter().position(due)?;
-        self.ports[port].armed = false;
-        Some(port)
+        let alarm = self
+            .pending()
+            .find(|&alarm| until(self.at[alarm], now) == 0)?;
+        self.armed &= !(1 << alarm);
+        Some(alarm)
+    }
+
+    /// The alarms that are on and have not gone off.
+    #[inline(always)]
+    fn pending(&self) -> impl Iterator<Item = usize> + use<> {
+        let mut pending = self.on & self.armed;
+        core::iter::from_fn(move || {
+            let alarm = pending.trailing_zeros() as usize;
+            pending &= pending.wrapping_sub(1);
+            (alarm <= TIME).then_some(alarm)
+        })
     }
 }
 
 #[exception]
 fn SysTick() {
-    while let Some(port) = with_alarms(Alarms::take_due) {
-        usart::on_alarm(port);
+    // Whatever is set meanwhile is seen below.
+    alarms().next = now();
+    while let Some(alarm) = alarms().take_due() {
+        if alarm == TIME {
+            critical_section::with(|cs| CLOCK.borrow_ref_mut(cs).look());
+        } else {
+            usart::on_alarm(alarm);
+        }
     }
-    with_alarms(|alarms| {
-        alarms.time.look();
-        alarms.set_timer();
-    });
+    alarms().set_timer();
 }
 
-impl Time {
+/// The clock of `embassy-time`.
+struct Clock {
+    /// TIM2 when it was last read, and how often it has gone round.
+    count: u32,
+    turns: u32,
+    queue: Queue,
+}
+
+static CLOCK: Mutex<RefCell<Clock>> = Mutex::new(RefCell::new(Clock {
+    count: 0,
+    turns: 0,
+    queue: Queue::new(),
+}));
+
+impl Clock {
     fn now(&mut self) -> u64 {
         let count = TIM2.cnt().read();
         if count < self.count {
@@ -239,17 +246,13 @@ impl Time {
         u64::from(self.turns) << 32 | u64::from(count)
     }
 
-    /// Wakes what is due.
+    /// Wakes what is due and sets the alarm for the next. Also once within each turn of TIM2.
     fn look(&mut self) {
         const RATIO: u32 = TICK_HZ / embassy_time::TICK_HZ as u32;
         let now = self.now();
-        self.at = match self.queue.next_expiration(now) {
-            u64::MAX => None,
-            at => {
-                let left = at.saturating_sub(now).min((FARTHEST / RATIO).into()) as u32;
-                Some(self::now().wrapping_add(left * RATIO))
-            }
-        };
+        let left = self.queue.next_expiration(now).saturating_sub(now);
+        let left = left.min(u64::from(i32::MAX as u32 / RATIO)) as u32;
+        alarms().set(TIME, self::now().wrapping_add(left * RATIO));
     }
 }
 
@@ -257,14 +260,14 @@ struct Driver;
 
 impl embassy_time_driver::Driver for Driver {
     fn now(&self) -> u64 {
-        with_alarms(|alarms| alarms.time.now())
+        critical_section::with(|cs| CLOCK.borrow_ref_mut(cs).now())
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
-        with_alarms(|alarms| {
-            if alarms.time.queue.schedule_wake(at, waker) {
-                alarms.time.look();
-                alarms.set_timer();
+        critical_section::with(|cs| {
+            let mut clock = CLOCK.borrow_ref_mut(cs);
+            if clock.queue.schedule_wake(at, waker) {
+                clock.look();
             }
         });
     }
@@ -273,49 +276,85 @@ impl embassy_time_driver::Driver for Driver {
 embassy_time_driver::time_driver_impl!(static DRIVER: Driver = Driver);
 
 /// A character was handed to the transmitter.
+#[inline(always)]
 pub(crate) fn on_put(port: usize, settings: &Settings) {
-    with_alarms(|alarms| {
-        let transmitter = &mut alarms.ports[port].transmitter;
-        let now = now();
-        if transmitter.characters == 0 || until(transmitter.sent_at(), now) == 0 {
-            *transmitter = Transmitter {
-                since: now,
-                characters: 0,
-                cycles: settings.character_cycles,
-                clock_hz: WIRING[port].clock_hz,
-            };
-        }
-        transmitter.characters += 1;
-    });
+    let transmitter = &mut alarms().transmitters[port];
+    let now = now();
+    if transmitter.idle || until(transmitter.sent_at, now) == 0 {
+        transmitter.ready_at = now;
+        transmitter.sent_at = now;
+        transmitter.rest = 0;
+        transmitter.idle = false;
+    } else {
+        transmitter.ready_at = transmitter.sent_at;
+    }
+    // The clock's cycles of one character in ticks, without a remainder that would add up.
+    let clock = WIRING[port].clock_hz / 1_000_000;
+    let parts = settings.character_cycles * (TICK_HZ / 1_000_000) + transmitter.rest;
+    transmitter.rest = parts % clock;
+    transmitter.sent_at = transmitter.sent_at.wrapping_add(parts / clock);
+    let ready_at = transmitter.ready_at;
+    alarms().set(port, ready_at);
 }
 
-/// Has [`usart::on_alarm`] called as soon as the transmitter takes another character.
-pub(crate) fn await_ready(port: usize, registers: &Registers, settings: &Settings) {
-    registers.send(settings, 0);
-    with_alarms(|alarms| alarms.set(port, alarms.ports[port].transmitter.ready_at()));
+/// Has [`usart::on_alarm`] called whenever the transmitter takes another character.
+#[inline(always)]
+pub(crate) fn await_ready(port: usize, _registers: &Registers, _settings: &Settings) {
     alarm_on(port);
 }
 
 /// Has it called as soon as the last character has left, stop bits included.
-pub(crate) fn await_sent(port: usize, registers: &Registers, settings: &Settings) {
-    registers.send(settings, 0);
-    with_alarms(|alarms| alarms.set(port, alarms.ports[port].transmitter.sent_at()));
-    alarm_on(port);
+#[inline(always)]
+pub(crate) fn await_sent(port: usize, _registers: &Registers, _settings: &Settings) {
+    let alarms = alarms();
+    // What is left of a tick counts as one.
+    alarms.set(port, alarms.transmitters[port].sent_at.wrapping_add(1));
 }
 
 /// Whether the transmitter takes another character.
+#[inline(always)]
 pub(crate) fn is_ready(port: usize, _registers: &Registers) -> bool {
-    with_alarms(|alarms| until(alarms.ports[port].transmitter.ready_at(), now()) == 0)
+    until(alarms().transmitters[port].ready_at, now()) == 0
 }
 
 /// Whether all has left.
+#[inline(always)]
 pub(crate) fn is_sent(port: usize, _registers: &Registers) -> bool {
-    with_alarms(|alarms| {
-        let transmitter = &mut alarms.ports[port].transmitter;
-        let is_sent = until(transmitter.sent_at(), now()) == 0;
-        if is_sent {
-            *transmitter = Transmitter::IDLE;
+    let transmitter = &mut alarms().transmitters[port];
+    let is_sent = until(transmitter.sent_at.wrapping_add(1), now()) == 0;
+    transmitter.idle |= is_sent;
+    is_sent
+}
+
+/// A task is in the queue.
+static WORK: AtomicBool = AtomicBool::new(false);
+
+#[unsafe(export_name = "__pender")]
+fn pender(_context: *mut ()) {
+    WORK.store(true, Ordering::Relaxed);
+}
+
+/// Runs tasks for ever. Between them the CPU does nothing, but it does not sleep: asleep it would have no time.
+/// A run of instructions that do nothing costs the simulator next to nothing; it is as long as an
+/// interrupt may have to wait, 32 x 8 ns.
+pub(crate) fn run(init: impl FnOnce(Spawner)) -> ! {
+    static EXECUTOR: StaticCell<raw::Executor> = StaticCell::new();
+    let executor: &'static raw::Executor = EXECUTOR.init(raw::Executor::new(core::ptr::null_mut()));
+    init(executor.spawner());
+    loop {
+        WORK.store(false, Ordering::Relaxed);
+        // SAFETY: called from this one place, never from within itself.
+        unsafe { executor.poll() };
+        while !WORK.load(Ordering::Relaxed) {
+            // SAFETY: changes nothing.
+            unsafe {
+                asm!(
+                    ".rept 32",
+                    "nop",
+                    ".endr",
+                    options(nomem, nostack, preserves_flags)
+                )
+            };
         }
-        is_sent
-    })
+    }
 }

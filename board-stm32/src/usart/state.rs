@@ -193,12 +193,6 @@ impl Chip {
     }
 
     #[inline(always)]
-    fn await_ready(&mut self) {
-        self.awaited = Awaited::Ready;
-        platform::await_ready(self.port, &self.registers, &self.settings);
-    }
-
-    #[inline(always)]
     fn await_sent(&mut self) {
         self.awaited = Awaited::Sent;
         platform::await_sent(self.port, &self.registers, &self.settings);
@@ -276,9 +270,11 @@ impl Wire for Chip {
     #[inline(always)]
     fn talk(&mut self, first: u8) {
         self.registers.raise_de();
-        self.put_character(first);
+        self.registers.send(&self.settings, 0);
         self.alarm_off();
-        self.await_ready();
+        self.put_character(first);
+        self.awaited = Awaited::Ready;
+        platform::await_ready(self.port, &self.registers, &self.settings);
     }
 
     #[inline(always)]
@@ -291,8 +287,6 @@ impl Wire for Chip {
         self.put_character(byte);
         if last {
             self.await_sent();
-        } else {
-            self.await_ready();
         }
     }
 

@@ -60,6 +60,8 @@ void qemu_plugin_register_vcpu_init_cb(qemu_plugin_id_t id, void (*cb)(qemu_plug
 void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t id, void (*cb)(qemu_plugin_id_t, struct qemu_plugin_tb *));
 size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *tb);
 struct qemu_plugin_insn *qemu_plugin_tb_get_insn(const struct qemu_plugin_tb *tb, size_t index);
+size_t qemu_plugin_insn_size(const struct qemu_plugin_insn *insn);
+size_t qemu_plugin_insn_data(const struct qemu_plugin_insn *insn, void *dest, size_t len);
 void qemu_plugin_register_vcpu_tb_exec_cond_cb(struct qemu_plugin_tb *tb, void (*cb)(unsigned int, void *), int flags,
                                                int cond, qemu_plugin_u64 entry, uint64_t imm, void *userdata);
 void qemu_plugin_register_vcpu_insn_exec_inline_per_vcpu(struct qemu_plugin_insn *insn, int op, qemu_plugin_u64 entry,
@@ -184,6 +186,14 @@ static void on_start(qemu_plugin_id_t id, unsigned int vcpu)
     qemu_plugin_u64_set(counter, vcpu, FULL);
 }
 
+/* NOP, encoding T1 (ARMv7-M A7.7.88): firmware that has nothing to do goes through many of them. */
+static bool is_nop(const struct qemu_plugin_insn *insn)
+{
+    uint16_t code = 0;
+    return qemu_plugin_insn_size(insn) == sizeof code &&
+           qemu_plugin_insn_data(insn, &code, sizeof code) == sizeof code && code == 0xBF00;
+}
+
 static void on_translation(qemu_plugin_id_t id, struct qemu_plugin_tb *tb)
 {
     (void)id;
@@ -191,9 +201,16 @@ static void on_translation(qemu_plugin_id_t id, struct qemu_plugin_tb *tb)
     size_t len = qemu_plugin_tb_n_insns(tb);
     for (size_t i = 0; i < len; i++) {
         struct qemu_plugin_insn *insn = qemu_plugin_tb_get_insn(tb, i);
-        /* Each by itself: a block may be left half way. */
-        qemu_plugin_register_vcpu_insn_exec_inline_per_vcpu(insn, INLINE_ADD_U64, counter, 1);
-        qemu_plugin_register_vcpu_mem_cb(insn, on_access, CB_NO_REGS, MEM_RW, NULL);
+        /* Each by itself: a block may be left half way. But not between instructions that do nothing. */
+        uint64_t count = 1;
+        while (is_nop(insn) && i + 1 < len && is_nop(qemu_plugin_tb_get_insn(tb, i + 1))) {
+            count++;
+            i++;
+        }
+        qemu_plugin_register_vcpu_insn_exec_inline_per_vcpu(insn, INLINE_ADD_U64, counter, count);
+        if (!is_nop(insn)) {
+            qemu_plugin_register_vcpu_mem_cb(insn, on_access, CB_NO_REGS, MEM_RW, NULL);
+        }
     }
 }
 

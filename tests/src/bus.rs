@@ -153,6 +153,7 @@ impl Bus {
             Station::Node(id),
             node.config().de.is_none(),
             node.config().echo,
+            true,
         );
         self.activity.push(node.activity_time());
         self.nodes.push(node);
@@ -177,7 +178,8 @@ impl Bus {
         let id = HostId(self.hosts.len());
         let mut host = Host::new(port);
         host.advance(self.now);
-        self.wires[wire.0].add(Station::Host(id), false, host.echo());
+        let has_pin = !host.switches_its_driver();
+        self.wires[wire.0].add(Station::Host(id), false, host.echo(), has_pin);
         self.hosts.push(host);
         self.host_wires.push(wire);
         id
@@ -208,6 +210,11 @@ impl Bus {
         }
         self.machines.push(machine);
         Ok(MachineId(self.machines.len() - 1))
+    }
+
+    /// The machines, in the order they were added.
+    pub fn machines(&self) -> impl Iterator<Item = &Machine> {
+        self.machines.iter()
     }
 
     /// A machine.

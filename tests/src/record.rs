@@ -99,7 +99,7 @@ impl fmt::Display for WireByte {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DeEdge {
     /// Whose.
-    pub node: NodeId,
+    pub from: Station,
     /// When.
     pub time: Time,
     /// On or off.
@@ -215,10 +215,10 @@ impl fmt::Display for Record {
         lines.extend(self.bytes.iter().map(|byte| (byte.start, byte.to_string())));
         lines.extend(self.de.iter().map(|edge| {
             let state = if edge.on { "on" } else { "off" };
-            let node = Station::Node(edge.node);
+            let station = edge.from;
             (
                 edge.time,
-                format!("{:>16}  {node}  DE {state}", edge.time.to_string()),
+                format!("{:>16}  {station}  DE {state}", edge.time.to_string()),
             )
         }));
         lines.extend(self.conflicts.iter().map(|conflict| {

@@ -136,7 +136,10 @@ impl Bus {
             let station = Station::Node(id);
             dump.out.add_module(&scope(station, node.name()))?;
             self.dump_data(&mut dump, station)?;
-            let de = record.de_edges().iter().filter(|edge| edge.node == id);
+            let de = record
+                .de_edges()
+                .iter()
+                .filter(|edge| edge.from == Station::Node(id));
             let without_de = node.config().de.is_none();
             let edges = de.map(|edge| (edge.time, edge.on)).collect();
             dump.level(&signal(station, "de"), without_de, edges)?;

@@ -24,6 +24,8 @@ struct Transceiver {
     data: bool,
     /// Hears while it drives.
     echo: bool,
+    /// Its driver is switched by a pin, whose edges are recorded.
+    has_pin: bool,
     /// What it hears now.
     heard: bool,
 }
@@ -71,7 +73,7 @@ impl Wire {
         }
     }
 
-    pub fn add(&mut self, station: Station, driving: bool, echo: bool) {
+    pub fn add(&mut self, station: Station, driving: bool, echo: bool, has_pin: bool) {
         self.transceivers.push(Transceiver {
             station,
             plugged: true,
@@ -79,6 +81,7 @@ impl Wire {
             driving,
             data: true,
             echo: echo || driving,
+            has_pin,
             heard: true,
         });
     }
@@ -157,9 +160,10 @@ impl Wire {
             return;
         }
         transceiver.driving = on;
-        if let Station::Node(node) = station {
+        let pin = transceiver.has_pin;
+        if pin {
             record.de.push(DeEdge {
-                node,
+                from: station,
                 time: now,
                 on,
             });

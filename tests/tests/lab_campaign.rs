@@ -106,7 +106,10 @@ impl Lab {
         for &node in &self.nodes {
             let fail = |why: &str| panic!("{what}: {} {why}\n{record}", self.bus.node(node).name());
             assert_eq!(self.bus.node(node).bad_opcodes(), 0, "{what}");
-            let edges = record.de_edges().iter().filter(|edge| edge.node == node);
+            let edges = record
+                .de_edges()
+                .iter()
+                .filter(|edge| edge.from == node.into());
             let edges: Vec<_> = edges.collect();
             if edges.len() % 2 == 1 {
                 fail("holds the bus");
@@ -257,7 +260,10 @@ fn run(mut campaign: Campaign, kinds: &mut [usize; 6]) {
         // Those who are not asked do nothing at all.
         let record = lab.bus.record();
         for (unit, &node) in lab.nodes.iter().enumerate() {
-            let silent = !record.de_edges().iter().any(|edge| edge.node == node);
+            let silent = !record
+                .de_edges()
+                .iter()
+                .any(|edge| edge.from == node.into());
             let asked = usize::from(request[0]) == unit + 1;
             assert!(asked || silent, "{what}\n{record}");
         }

@@ -7,6 +7,7 @@ use std::fs::File;
 use std::path::Path;
 use std::process::Command;
 
+use common::conforms::Board;
 use common::plain::requests::Requests;
 use common::plain::wire::{Flaw, Way};
 use common::random::Random;
@@ -92,7 +93,7 @@ fn quantity_fits(content: &[u8]) -> bool {
 
 #[test]
 fn sigrok_finds_unit_function_addresses_and_crc_as_we_do() {
-    let mut rig = Rig::with(&[&conformance(Way::Rtu, LINE)], LINE);
+    let mut rig = Rig::with(&[&conformance(Board::Nano, Way::Rtu, LINE)], LINE);
     rig.slack = Time::from_ms(15);
     let mut random = Random::new(7);
     let mut below = |end: u32| (random.next() % u64::from(end)) as u32;

@@ -264,7 +264,7 @@ fn assert_whole_frames(record: &Record, node: NodeId) {
     let edges: Vec<_> = record
         .de_edges()
         .iter()
-        .filter(|edge| edge.node == node)
+        .filter(|edge| edge.from == node.into())
         .collect();
     for pair in edges.chunks(2) {
         let [on, off] = pair else {

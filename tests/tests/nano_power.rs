@@ -54,7 +54,7 @@ fn cut(rig: &mut Rig, node: NodeId, how: Cut) {
 fn drives(rig: &Rig, node: NodeId) -> bool {
     let mut edges = rig.bus.record().de_edges().iter();
     edges
-        .rfind(|edge| edge.node == node)
+        .rfind(|edge| edge.from == node.into())
         .is_some_and(|edge| edge.on)
 }
 

@@ -16,7 +16,10 @@ fn who_answers(rig: &mut Rig, request: &[u8]) -> Vec<usize> {
     let who = (0..rig.nodes.len())
         .filter(|index| {
             let node = rig.nodes[*index];
-            let drove = record.de_edges().iter().any(|edge| edge.node == node);
+            let drove = record
+                .de_edges()
+                .iter()
+                .any(|edge| edge.from == node.into());
             drove || record.sent_by(Station::Node(node)).next().is_some()
         })
         .collect();

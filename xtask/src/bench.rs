@@ -34,7 +34,12 @@ pub fn run(json: Option<&Path>, record: bool) -> Result<(), Error> {
     // One of the programs runs in another folder.
     let absolute = |path| std::path::absolute(path).map_err(|error| Error::io("--json", error));
     let json = json.map(absolute).transpose()?;
-    setup::require(&[Purpose::Firmware, Purpose::Simulator, Purpose::Profiler])?;
+    setup::require(&[
+        Purpose::Firmware,
+        Purpose::Avr,
+        Purpose::Simulator,
+        Purpose::Profiler,
+    ])?;
     let mut bench = measured(&Builder::new()?)?;
     let mut speed =
         repo::cargo_in_root(&["bench", "--quiet", "--package", HOST, "--bench", "server"]);

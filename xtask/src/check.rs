@@ -29,7 +29,10 @@ pub fn run() -> Result<(), Error> {
     let mut tally = Tally::default();
     let purposes = [
         Purpose::Firmware,
+        Purpose::Avr,
+        Purpose::Arm,
         Purpose::Simulator,
+        Purpose::Machine,
         Purpose::Client,
         Purpose::Profiler,
         Purpose::Checks,
@@ -62,12 +65,23 @@ fn run_all(tally: &mut Tally) {
     let builder = Builder::new();
     match &builder {
         Ok(builder) => {
-            let mut board_lint = builder.toolchain().cargo_in_board();
-            board_lint
-                .args(["clippy", "--release", "--workspace", "--target-dir"])
-                .arg(repo::root().join("target/avr"))
-                .args(["--", "-D", "warnings"]);
-            check(tally, "clippy of the board's crates", &mut board_lint);
+            let stm32 = ["--no-default-features", "--features", "qemu"];
+            for (name, board, options) in [
+                (
+                    "clippy of the Nano's crates",
+                    Board::Nano,
+                    &["--workspace"][..],
+                ),
+                ("clippy of the STM32's crate", Board::Stm32, &[]),
+                ("clippy of the STM32's crate for QEMU", Board::Stm32, &stm32),
+            ] {
+                let mut lint = builder.toolchain().cargo_in_board(board);
+                lint.args(["clippy", "--release", "--target-dir"])
+                    .arg(repo::root().join(board.target_dir()))
+                    .args(options)
+                    .args(["--", "-D", "warnings"]);
+                check(tally, name, &mut lint);
+            }
             for image in all_images() {
                 headline(&image.stem());
                 let built = builder.build(&image);
@@ -147,19 +161,27 @@ fn all_images() -> Vec<Image> {
         (Scenario::RelayPanel, LineOptions::default()),
         (Scenario::NanoConformance, LineOptions::default()),
         (Scenario::NanoConformance, ascii),
+        (Scenario::Stm32Conformance, LineOptions::default()),
         (Scenario::ClientFunctions, LineOptions::default()),
         (Scenario::ClientFunctions, ascii),
     ] {
         images.extend(scenario.images(line).expect("in this version"));
     }
     images.extend(variants.map(|options| registers(options).expect("a valid image")));
+    // For the chip: nothing here runs them, but they are built.
+    let stm32 = Board::Stm32.apps().iter();
+    images.extend(stm32.map(|&app| {
+        Image::new(Board::Stm32, app, Options::default()).expect("an application of the board")
+    }));
     images
 }
 
 /// rustfmt itself, on every file: the board's cargo wants a compiler that may bring no rustfmt.
 fn check_board_format(tally: &mut Tally) {
     let mut files = Vec::new();
-    let listed = collect_files(&repo::root().join("board-nano"), &mut files);
+    let listed = [Board::Nano, Board::Stm32]
+        .iter()
+        .try_for_each(|board| collect_files(&repo::root().join(board.folder()), &mut files));
     files.retain(|file| file.extension().is_some_and(|extension| extension == "rs"));
     let mut rustfmt = Command::new("rustfmt");
     rustfmt

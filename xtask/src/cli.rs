@@ -80,18 +80,21 @@ pub struct ImageOptions {
     /// Items in each table of registers, 1..=128 [default: 16]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=128))]
     count: Option<u8>,
-    /// Baud rate, 2400..=1000000, within 2.5 % of what the clock makes [default: 38400]
+    /// Baud rate, 2400..=1000000 (stm32: ..=2000000), within 2.5 % of what the clock makes [default: 38400]
     #[arg(long, value_name = "N")]
     baud: Option<u32>,
     /// Character format: data bits, parity, stop bits; those of 7 bits with --ascii [default: 8N1]
     #[arg(long, value_enum, ignore_case = true)]
     format: Option<Format>,
-    /// CPU clock in Hz of a board with another crystal, 8000000..=20000000 [default: 16000000]
+    /// CPU clock in Hz of a nano with another crystal, 8000000..=20000000 [default: 16000000]
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(8_000_000..=20_000_000))]
     clock: Option<u32>,
     /// ASCII instead of RTU, for conformance; 7E1 if no format is given
     #[arg(long)]
     ascii: bool,
+    /// For the stm32 in QEMU, as the simulated bus runs it
+    #[arg(long)]
+    qemu: bool,
 }
 
 impl From<&ImageOptions> for Options {
@@ -103,6 +106,7 @@ impl From<&ImageOptions> for Options {
             format: given.format,
             clock: given.clock,
             ascii: given.ascii,
+            qemu: given.qemu,
         }
     }
 }

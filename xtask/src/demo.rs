@@ -11,7 +11,12 @@ use crate::{repo, setup};
 /// # Errors
 /// [`Error::usage`] when something is missing that set-up could not install.
 pub fn run(hold: bool) -> Result<(), Error> {
-    setup::prepare(&[Purpose::Firmware, Purpose::Simulator, Purpose::Client])?;
+    setup::prepare(&[
+        Purpose::Firmware,
+        Purpose::Avr,
+        Purpose::Simulator,
+        Purpose::Client,
+    ])?;
     let mbpoll = repo::in_path("mbpoll").ok_or_else(|| Error::usage("mbpoll is not installed"))?;
     let mut demo = program("demo");
     for path in build_images(&Scenario::DemoUnit.images(LineOptions::default())?)? {

@@ -2,7 +2,7 @@
 
 use crate::cli::ImageRequest;
 use crate::error::Error;
-use crate::image::Image;
+use crate::image::{Board, Image};
 use crate::needs::Purpose;
 use crate::toolchain::Toolchain;
 use crate::{repo, setup, size};
@@ -12,7 +12,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What an image is made from: folders, and the manifest from which their packages inherit.
-const SOURCES: &[&str] = &["protocol", "firmware", "board-nano", "Cargo.toml"];
+const SOURCES: &[&str] = &["protocol", "firmware", "Cargo.toml"];
+
+/// Crates of one board that another uses files of.
+const SHARED: &str = "board-nano/src/options.rs";
 
 /// `build`: the image, its sizes, and its path on the last line.
 ///
@@ -21,10 +24,13 @@ const SOURCES: &[&str] = &["protocol", "firmware", "board-nano", "Cargo.toml"];
 /// built; else what cargo said.
 pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
     let image = Image::new(request.board, request.app, (&request.options).into())?;
-    setup::require(&[Purpose::Firmware])?;
+    setup::require(&[Purpose::Firmware, purpose_of(image.board())])?;
     Builder::new()?.build(&image)?;
     let elf = image.elf();
-    print!("{}", size::of(&repo::root().join(&elf))?);
+    print!(
+        "{}",
+        size::of(&repo::root().join(&elf))?.shown(image.board())
+    );
     println!("image: {}", elf.display());
     Ok(())
 }
@@ -34,8 +40,8 @@ pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
 /// # Errors
 /// [`Error::usage`] for a missing compiler, before anything is built; else what cargo said.
 pub fn build_example(name: &str) -> Result<(), Error> {
-    setup::require(&[Purpose::Firmware])?;
-    let mut cargo = Builder::new()?.toolchain.cargo_in_board();
+    setup::require(&[Purpose::Firmware, Purpose::Avr])?;
+    let mut cargo = Builder::new()?.toolchain.cargo_in_board(Board::Nano);
     cargo
         .args(["build", "--release", "--package", "embassy-avr-hal"])
         .args(["--example", name, "--target-dir"])
@@ -43,6 +49,14 @@ pub fn build_example(name: &str) -> Result<(), Error> {
     repo::run(&mut cargo)?;
     println!("image: target/avr/avr-none/release/examples/{name}.elf");
     Ok(())
+}
+
+/// What building for a board needs beside the compiler.
+pub fn purpose_of(board: Board) -> Purpose {
+    match board {
+        Board::Nano => Purpose::Avr,
+        Board::Stm32 => Purpose::Arm,
+    }
 }
 
 /// Builds images with one compiler, looked up once.
@@ -86,31 +100,39 @@ impl Builder {
 
         let key = self.key(image)?;
         let fresh = fs::read_to_string(&stamp).is_ok_and(|made| made == key);
-        if fresh && elf.exists() && hex.exists() {
+        let has_hex = image.board() == Board::Nano;
+        if fresh && elf.exists() && (hex.exists() || !has_hex) {
             return Ok(elf);
         }
         self.compile(image)?;
-        let made = repo::root()
-            .join("target/avr/avr-none/release")
-            .join(format!("{}.elf", image.app()));
+        let made = match image.board() {
+            Board::Nano => format!("avr-none/release/{}.elf", image.app()),
+            Board::Stm32 => format!("thumbv7em-none-eabihf/release/{}", image.app()),
+        };
+        let made = repo::root().join(image.board().target_dir()).join(made);
         copy(&made, &elf)?;
-        repo::run(
-            Command::new("avr-objcopy")
-                // The hex file is for the flash alone; EEPROM has its own.
-                .args(["-O", "ihex", "-R", ".eeprom"])
-                .args([&elf, &hex]),
-        )?;
+        if has_hex {
+            repo::run(
+                Command::new("avr-objcopy")
+                    // The hex file is for the flash alone; EEPROM has its own.
+                    .args(["-O", "ihex", "-R", ".eeprom"])
+                    .args([&elf, &hex]),
+            )?;
+        }
         fs::write(&stamp, key).map_err(|error| Error::io(stamp.display(), error))?;
         Ok(elf)
     }
 
     fn compile(&self, image: &Image) -> Result<(), Error> {
         eprintln!("building {}", image.stem());
-        let mut cargo = self.toolchain.cargo_in_board();
+        let mut cargo = self.toolchain.cargo_in_board(image.board());
         cargo
             .args(["build", "--release", "--bin", &image.app()])
             .arg("--target-dir")
-            .arg(repo::root().join("target/avr"));
+            .arg(repo::root().join(image.board().target_dir()));
+        if image.is_for_qemu() {
+            cargo.args(["--no-default-features", "--features", "qemu"]);
+        }
         for (name, value) in image.environment() {
             match value {
                 Some(value) => cargo.env(name, value),
@@ -124,7 +146,8 @@ impl Builder {
     /// dates, which a checkout changes.
     fn key(&self, image: &Image) -> Result<String, Error> {
         let mut files = Vec::new();
-        for source in SOURCES {
+        let board = image.board().folder();
+        for source in SOURCES.iter().chain([&board, &SHARED]) {
             collect_files(&repo::root().join(source), &mut files)
                 .map_err(|error| Error::io(source, error))?;
         }

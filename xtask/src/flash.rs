@@ -1,9 +1,9 @@
-//! `flash`: writes an image to a Nano through its boot loader.
+//! `flash`: writes an image to a Nano through its boot loader, or to an STM32 through a debug probe.
 
 use crate::cli::{Bootloader, FlashRequest};
 use crate::error::Error;
 use crate::firmware::Builder;
-use crate::image::Image;
+use crate::image::{Board, Image};
 use crate::needs::Purpose;
 use crate::{repo, setup};
 use std::path::{Path, PathBuf};
@@ -26,6 +26,9 @@ const PORT_NAMES: &[&str] = &[
 pub fn run(request: &FlashRequest) -> Result<(), Error> {
     let wanted = &request.image;
     let image = Image::new(wanted.board, wanted.app, (&wanted.options).into())?;
+    if wanted.board == Board::Stm32 {
+        return flash_stm32(request, &image);
+    }
     let avrdude = repo::in_path("avrdude").ok_or_else(|| {
         Error::usage(
             "avrdude is not installed: Debian, Ubuntu, Fedora, Arch: package avrdude; \
@@ -36,7 +39,7 @@ pub fn run(request: &FlashRequest) -> Result<(), Error> {
         Some(port) => given(port)?,
         None => choose(serial_ports())?,
     };
-    setup::require(&[Purpose::Firmware])?;
+    setup::require(&[Purpose::Firmware, Purpose::Avr])?;
     let hex = Builder::new()?.build(&image)?.with_extension("hex");
     let mut avrdude = Command::new(avrdude);
     avrdude.args(arguments(request.bootloader, &port, &hex));
@@ -51,6 +54,34 @@ pub fn run(request: &FlashRequest) -> Result<(), Error> {
             }
         ))
     })
+}
+
+/// What probe-rs calls the chip.
+const CHIP: &str = "STM32F405RG";
+
+fn flash_stm32(request: &FlashRequest, image: &Image) -> Result<(), Error> {
+    if image.is_for_qemu() {
+        return Err(Error::usage("--qemu: that image does not run on the chip"));
+    }
+    if request.port.is_some() {
+        return Err(Error::usage(
+            "--port: the STM32 is flashed through a debug probe, which probe-rs finds",
+        ));
+    }
+    let probe_rs = repo::in_path("probe-rs").ok_or_else(|| {
+        Error::usage(
+            "probe-rs is not installed: cargo install probe-rs-tools --locked, or see probe.rs",
+        )
+    })?;
+    setup::require(&[Purpose::Firmware, Purpose::Arm])?;
+    let elf = Builder::new()?.build(image)?;
+    let mut command = Command::new(probe_rs);
+    command.args(["download", "--chip", CHIP]).arg(&elf);
+    println!("> {}", repo::shown(&command));
+    repo::run(&mut command)?;
+    let mut reset = Command::new("probe-rs");
+    reset.args(["reset", "--chip", CHIP]);
+    repo::run(&mut reset)
 }
 
 fn given(port: &Path) -> Result<PathBuf, Error> {

@@ -1,7 +1,7 @@
 //! Firmware images: which there are, what can be compiled into them, and what the file is called.
 
-use crate::baud;
 use crate::error::Error;
+use crate::{baud, stm32_baud};
 use clap::ValueEnum;
 use std::path::PathBuf;
 
@@ -10,20 +10,48 @@ use std::path::PathBuf;
 pub enum Board {
     /// Arduino Nano, ATmega328P at 16 MHz
     Nano,
-    /// STM32F405
-    #[value(hide = true)]
+    /// STM32F405, such as the Olimex STM32-H405
     Stm32,
 }
 
 impl Board {
-    /// CPU clock of the board in Hz, if not built otherwise: baud rates are divided from it.
-    const fn clock_hz(self) -> u32 {
+    /// The folder of its crate, from the root of the repository.
+    pub const fn folder(self) -> &'static str {
         match self {
-            Self::Nano => 16_000_000,
-            Self::Stm32 => 168_000_000,
+            Self::Nano => "board-nano",
+            Self::Stm32 => "board-stm32",
+        }
+    }
+
+    /// Where cargo puts what it builds for it, from the root of the repository.
+    pub const fn target_dir(self) -> &'static str {
+        match self {
+            Self::Nano => "target/avr",
+            Self::Stm32 => "target/stm32",
+        }
+    }
+
+    /// Applications that it can be built with.
+    pub const fn apps(self) -> &'static [App] {
+        match self {
+            Self::Nano => &[
+                App::DemoUnit,
+                App::Registers,
+                App::Conformance,
+                App::RelayPanel,
+                App::RelayBoard,
+                App::ClientFunctions,
+            ],
+            Self::Stm32 => &[App::DemoUnit, App::Registers, App::Conformance],
         }
     }
 }
+
+/// CPU clock of the Nano in Hz, if not built otherwise: baud rates are divided from it.
+const NANO_HZ: u32 = 16_000_000;
+
+/// What the STM32's slower USARTs divide their rates from, in Hz.
+const STM32_USART_HZ: u32 = 42_000_000;
 
 /// An application that a board can be built with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -50,16 +78,6 @@ pub enum App {
 }
 
 impl App {
-    /// Those that can be built.
-    const BUILT: [Self; 6] = [
-        Self::DemoUnit,
-        Self::Registers,
-        Self::Conformance,
-        Self::RelayPanel,
-        Self::RelayBoard,
-        Self::ClientFunctions,
-    ];
-
     /// Whether it can be built for ASCII.
     const fn has_ascii(self) -> bool {
         matches!(self, Self::Conformance | Self::ClientFunctions)
@@ -125,6 +143,8 @@ pub struct Options {
     pub clock: Option<u32>,
     /// ASCII framing instead of RTU; the format is then 7E1 unless another is given.
     pub ascii: bool,
+    /// For the STM32 in QEMU instead of the chip.
+    pub qemu: bool,
 }
 
 /// One image that can be built: checked, so that the build cannot be asked for nonsense.
@@ -141,17 +161,24 @@ impl Image {
     /// application does not have, a baud rate that the clock cannot make within 2.5 %, and a
     /// 7-bit format for RTU.
     pub fn new(board: Board, app: App, options: Options) -> Result<Self, Error> {
-        if board == Board::Stm32 {
+        let apps = board.apps();
+        if !apps.contains(&app) {
+            return Err(Error::usage(format!(
+                "{} has no application {} in this version; it has: {}",
+                word(board),
+                word(app),
+                words(apps.iter().copied())
+            )));
+        }
+        if options.qemu && board != Board::Stm32 {
             return Err(Error::usage(
-                "board-stm32 is not in this version; the boards are: nano",
+                "--qemu: only stm32 is simulated in QEMU; the Nano's image is the one that is flashed",
             ));
         }
-        if !App::BUILT.contains(&app) {
-            return Err(Error::usage(format!(
-                "the application {} is not in this version; the applications are: {}",
-                word(app),
-                words(App::BUILT)
-            )));
+        if options.clock.is_some() && board != Board::Nano {
+            return Err(Error::usage(
+                "--clock: only the Nano is sold with several crystals; only nano takes a clock",
+            ));
         }
         if options.unit.is_some() && app != App::DemoUnit {
             return Err(Error::usage(format!(
@@ -169,12 +196,11 @@ impl Image {
             return Err(Error::usage(format!(
                 "--ascii: {} speaks RTU; {} takes --ascii",
                 word(app),
-                words(App::BUILT.into_iter().filter(|app| app.has_ascii()))
+                words(apps.iter().copied().filter(|app| app.has_ascii()))
             )));
         }
         if options.baud.is_some() || options.clock.is_some() {
-            let clock_hz = options.clock.unwrap_or(board.clock_hz());
-            check_baud(clock_hz, options.baud.unwrap_or(DEFAULT_BAUD))?;
+            check_baud(board, options.clock, options.baud.unwrap_or(DEFAULT_BAUD))?;
         }
         if let Some(format) = options.format
             && !options.ascii
@@ -188,18 +214,28 @@ impl Image {
         })
     }
 
+    /// What it runs on.
+    pub fn board(&self) -> Board {
+        self.board
+    }
+
+    /// Whether it runs in QEMU and nowhere else.
+    pub fn is_for_qemu(&self) -> bool {
+        self.options.qemu
+    }
+
     /// The name of the application's binary.
     pub fn app(&self) -> String {
         word(self.app)
     }
 
     /// File name without extension: board, application, then the options that were given, in the
-    /// order unit, count, baud, format, clock, ascii.
+    /// order unit, count, baud, format, clock, ascii, qemu.
     pub fn stem(&self) -> String {
         let mut stem = format!("{}-{}", word(self.board), word(self.app));
         for (name, value) in self.given() {
             stem.push_str(&match name {
-                "ascii" => "-ascii".to_owned(),
+                "ascii" | "qemu" => format!("-{name}"),
                 _ => format!("-{name}{value}"),
             });
         }
@@ -235,6 +271,7 @@ impl Image {
             format,
             clock,
             ascii,
+            qemu,
         } = self.options;
         [
             ("unit", unit.map(|n| n.to_string())),
@@ -243,6 +280,7 @@ impl Image {
             ("format", format.map(word)),
             ("clock", clock.map(|n| n.to_string())),
             ("ascii", ascii.then(|| "1".to_owned())),
+            ("qemu", qemu.then(|| "1".to_owned())),
         ]
         .into_iter()
         .filter_map(|(name, value)| Some((name, value?)))
@@ -250,26 +288,37 @@ impl Image {
     }
 }
 
-/// The rates at which the line's timing is right on every board and at every clock.
-const BAUD_RANGE: std::ops::RangeInclusive<u32> = 2_400..=1_000_000;
+/// The slowest rate at which the line's timing is right on every board and at every clock, and the fastest at which the
+/// Nano's receive interrupt follows.
+const BAUD_MIN: u32 = 2_400;
+const NANO_BAUD_MAX: u32 = 1_000_000;
 
 /// What the applications are built for if nothing else is asked for.
 pub const DEFAULT_BAUD: u32 = 38_400;
 
-fn check_baud(clock_hz: u32, baud: u32) -> Result<(), Error> {
-    if !BAUD_RANGE.contains(&baud) {
+fn check_baud(board: Board, clock: Option<u32>, baud: u32) -> Result<(), Error> {
+    let (clock_hz, max) = match board {
+        Board::Nano => (clock.unwrap_or(NANO_HZ), NANO_BAUD_MAX),
+        Board::Stm32 => (STM32_USART_HZ, stm32_baud::MAX_BAUD),
+    };
+    if !(BAUD_MIN..=max).contains(&baud) {
         return Err(Error::usage(format!(
-            "--baud {baud}: must be {}..={}",
-            BAUD_RANGE.start(),
-            BAUD_RANGE.end()
+            "--baud {baud}: must be {BAUD_MIN}..={max}"
         )));
     }
-    match baud::divisor(clock_hz, baud) {
-        Ok(_) => Ok(()),
-        Err(refused) => Err(Error::usage(format!(
+    let nearest = match board {
+        Board::Nano => baud::divisor(clock_hz, baud)
+            .err()
+            .map(|error| error.nearest),
+        Board::Stm32 => stm32_baud::divisor(clock_hz, baud)
+            .err()
+            .map(|error| error.nearest),
+    };
+    match nearest {
+        None => Ok(()),
+        Some(nearest) => Err(Error::usage(format!(
             "--baud {baud}: a clock of {clock_hz} Hz cannot make it within 2.5 %; the nearest rate \
-             it makes is {}",
-            refused.nearest
+             it makes is {nearest}"
         ))),
     }
 }
@@ -430,10 +479,14 @@ mod tests {
 
     #[test]
     fn what_is_not_there_yet_is_said_to_be_so() {
-        let stm32 = refusal(Image::new(Board::Stm32, App::Registers, Options::default()));
-        assert!(stm32.contains("board-stm32 is not in this version"));
-        let ports = refusal(nano(App::Ports, Options::default()));
-        assert!(ports.contains("ports is not in this version"));
+        let panel = refusal(Image::new(
+            Board::Stm32,
+            App::RelayPanel,
+            Options::default(),
+        ));
+        assert!(panel.contains("stm32 has no application relay-panel in this version"));
+        let node = refusal(nano(App::SensorNode, Options::default()));
+        assert!(node.contains("nano has no application sensor-node in this version"));
     }
 
     #[test]

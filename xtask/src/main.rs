@@ -13,6 +13,7 @@ mod firmware;
 mod flash;
 mod fuzz;
 mod image;
+mod machine;
 mod needs;
 mod python;
 mod repo;
@@ -29,6 +30,13 @@ mod toolchain;
     reason = "the firmware uses parts of it that a check does not need"
 )]
 mod baud;
+/// The same of the STM32's.
+#[path = "../../board-stm32/src/usart/baud.rs"]
+#[allow(
+    dead_code,
+    reason = "the firmware uses parts of it that a check does not need"
+)]
+mod stm32_baud;
 
 use cli::Command;
 use error::Error;

@@ -5,15 +5,21 @@
 
 use crate::repo;
 use crate::toolchain::Toolchain;
-use crate::{python, toolchain};
+use crate::{machine, python, toolchain};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// What a command is about to do, and so what has to be there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// Building images.
+    /// Building images, for any board.
     Firmware,
+    /// Building images for the Nano.
+    Avr,
+    /// Building images for the STM32.
+    Arm,
+    /// Running the STM32 in QEMU.
+    Machine,
     /// Building and running the simulated bus.
     Simulator,
     /// A Modbus client that others wrote.
@@ -70,24 +76,31 @@ pub const ALL: &[Need] = &[
     },
     Need {
         name: "avr-gcc",
-        purpose: Purpose::Firmware,
+        purpose: Purpose::Avr,
         found: || program("avr-gcc"),
         debian: &["gcc-avr"],
         by_hand: "Fedora: avr-gcc; Arch: avr-gcc; macOS: brew install osx-cross/avr/avr-gcc",
     },
     Need {
         name: "avr-libc",
-        purpose: Purpose::Firmware,
+        purpose: Purpose::Avr,
         found: avr_libc,
         debian: &["avr-libc"],
         by_hand: "Fedora: avr-libc; Arch: avr-libc; macOS: comes with osx-cross/avr/avr-gcc",
     },
     Need {
         name: "avr-objcopy",
-        purpose: Purpose::Firmware,
+        purpose: Purpose::Avr,
         found: || program("avr-objcopy"),
         debian: &["binutils-avr"],
         by_hand: "Fedora: avr-binutils; Arch: avr-binutils; macOS: brew install osx-cross/avr/avr-binutils",
+    },
+    Need {
+        name: "arm-none-eabi-ld",
+        purpose: Purpose::Arm,
+        found: || program("arm-none-eabi-ld"),
+        debian: &["binutils-arm-none-eabi"],
+        by_hand: "Fedora: arm-none-eabi-binutils-cs; Arch: arm-none-eabi-binutils; macOS: brew install arm-none-eabi-binutils",
     },
     Need {
         name: "C compiler",
@@ -137,6 +150,22 @@ pub const ALL: &[Need] = &[
         found: || header("zlib.h"),
         debian: &["zlib1g-dev"],
         by_hand: "Fedora: zlib-devel; Arch: zlib; macOS: part of the system's tools",
+    },
+    Need {
+        name: "QEMU 10 for ARM",
+        purpose: Purpose::Machine,
+        found: machine::qemu,
+        // Not by the list of packages: some releases have it in their backports only.
+        debian: &[],
+        by_hand: "Debian, Ubuntu: qemu-system-arm of version 10 or newer, for Debian 12 from its backports; Fedora: \
+                  qemu-system-arm; Arch: qemu-system-arm; macOS: brew install qemu",
+    },
+    Need {
+        name: "QEMU's barrier",
+        purpose: Purpose::Machine,
+        found: machine::barrier,
+        debian: &[],
+        by_hand: "cargo xtask setup compiles it from tests/qemu/barrier.c once there is a C compiler",
     },
     Need {
         name: "mbpoll",

@@ -2,10 +2,10 @@
 
 use crate::error::Error;
 use crate::needs::{ALL, COMPILER_PACKAGES, Need, Purpose};
-use crate::python;
-use crate::repo;
 use crate::toolchain::{LINKED, RELEASE, SYSTEM_PREFIX, Toolchain};
-use std::process::Command;
+use crate::{machine, python, repo};
+use std::io::Write;
+use std::process::{Command, Stdio};
 
 /// `setup --check`: what is there and what is missing; changes nothing.
 ///
@@ -68,6 +68,14 @@ pub fn install() -> Result<(), Error> {
         .copied()
         .collect();
     apt_install(&packages);
+    if is_missing("QEMU 10 for ARM") {
+        install_qemu();
+    }
+    if is_missing("QEMU's barrier")
+        && let Err(error) = machine::compile_barrier()
+    {
+        println!("{}", error.message());
+    }
     if is_missing("Python with pymodbus") {
         install_python();
     }
@@ -163,6 +171,49 @@ fn install_firmware_clippy() {
         Some(name) => rustup(&["component", "add", "clippy", "--toolchain", name]),
         None => apt_install(&["rust-web-clippy"]),
     };
+}
+
+/// From the distribution, or from Debian's backports where its own is too old.
+fn install_qemu() {
+    if !apt_install(&[machine::PACKAGE]) || machine::qemu().is_some() {
+        return;
+    }
+    let Some(release) = machine::Backports::of_this_system() else {
+        println!("QEMU: the distribution's is older than 10, and there are no backports known");
+        return;
+    };
+    println!(
+        "QEMU: the distribution's is older than 10; adding {}",
+        release.suite()
+    );
+    if !release.is_listed() && !as_root(&["tee", machine::BACKPORTS_LIST], Some(&release.list())) {
+        return;
+    }
+    let suite = release.suite();
+    apt_install(&["-t", &suite, machine::PACKAGE]);
+}
+
+/// Runs a command as root, with this on its input.
+fn as_root(command: &[&str], input: Option<&str>) -> bool {
+    let Some(mut line) = becoming_root() else {
+        println!("not root, and no sudo: as root, run {}", command.join(" "));
+        return false;
+    };
+    line.extend(command);
+    println!("> {}", line.join(" "));
+    let spawned = Command::new(line[0])
+        .args(&line[1..])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn();
+    let Ok(mut child) = spawned else {
+        return false;
+    };
+    let written = match (child.stdin.take(), input) {
+        (Some(mut pipe), Some(input)) => pipe.write_all(input.as_bytes()).is_ok(),
+        _ => true,
+    };
+    child.wait().is_ok_and(|status| status.success()) && written
 }
 
 fn install_python() {

@@ -2,7 +2,7 @@
 
 use crate::cli::{LineOptions, SimRequest};
 use crate::error::Error;
-use crate::firmware::Builder;
+use crate::firmware::{Builder, purpose_of};
 use crate::image::{App, Board, DEFAULT_BAUD, Format, Image, Options, word, words};
 use crate::needs::Purpose;
 use crate::{repo, setup};
@@ -25,8 +25,7 @@ pub enum Scenario {
     /// A Nano that is a client; the pseudo terminal is for a server
     #[value(hide = true)]
     ClientFunctions,
-    /// Every function on an STM32
-    #[value(hide = true)]
+    /// Every function on an STM32, unit 17, on RS4
     Stm32Conformance,
     /// The sensor-node protocol
     #[value(hide = true)]
@@ -38,10 +37,11 @@ pub enum Scenario {
 
 impl Scenario {
     /// Those that can be run.
-    const BUILT: [Self; 5] = [
+    const BUILT: [Self; 6] = [
         Self::DemoUnit,
         Self::Registers,
         Self::NanoConformance,
+        Self::Stm32Conformance,
         Self::RelayPanel,
         Self::ClientFunctions,
     ];
@@ -59,11 +59,14 @@ impl Scenario {
                 words(Self::BUILT)
             )));
         }
-        let lined = matches!(self, Self::NanoConformance | Self::ClientFunctions);
+        let lined = matches!(
+            self,
+            Self::NanoConformance | Self::Stm32Conformance | Self::ClientFunctions
+        );
         if !lined && line != LineOptions::default() {
             return Err(Error::usage(format!(
-                "--baud, --format, --ascii: the line of {} is 38400 8N1, RTU; only nano-conformance takes \
-                 these options",
+                "--baud, --format, --ascii: the line of {} is 38400 8N1, RTU; only nano-conformance and \
+                 stm32-conformance take these options",
                 word(self)
             )));
         }
@@ -87,6 +90,13 @@ impl Scenario {
                 .map(|app| nano(app, options))
                 .collect(),
             Self::NanoConformance => Ok(vec![nano(App::Conformance, options)?]),
+            Self::Stm32Conformance => {
+                let options = Options {
+                    qemu: true,
+                    ..options
+                };
+                Ok(vec![Image::new(Board::Stm32, App::Conformance, options)?])
+            }
             Self::ClientFunctions => Ok(vec![nano(App::ClientFunctions, options)?]),
             _ => Ok(vec![nano(App::Registers, options)?]),
         }
@@ -101,7 +111,14 @@ impl Scenario {
 pub fn run(request: &SimRequest) -> Result<(), Error> {
     let images = request.scenario.images(request.line)?;
     check_link(&request.link)?;
-    setup::require(&[Purpose::Firmware, Purpose::Simulator])?;
+    let mut purposes = vec![Purpose::Firmware, Purpose::Simulator];
+    for image in &images {
+        purposes.push(purpose_of(image.board()));
+        if image.is_for_qemu() {
+            purposes.push(Purpose::Machine);
+        }
+    }
+    setup::require(&purposes)?;
     let paths = build_images(&images)?;
 
     let mut bus = program("sim");
@@ -222,7 +239,7 @@ mod tests {
         assert_eq!(images[0].stem(), "nano-conformance-baud19200-ascii");
         let error = Scenario::Registers.images(line).expect_err("it has none");
         assert_eq!(error.code(), 2);
-        let said = "the line of registers is 38400 8N1, RTU; only nano-conformance";
+        let said = "the line of registers is 38400 8N1, RTU; only nano-conformance and";
         assert!(error.message().contains(said), "{}", error.message());
     }
 

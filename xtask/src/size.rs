@@ -1,8 +1,8 @@
-//! Flash and static RAM of an AVR image, from the sections of its ELF file.
+//! Flash and static RAM of an image, from the sections of its ELF file.
 
 use crate::error::Error;
+use crate::image::Board;
 use object::{Object, ObjectSection, SectionFlags, elf};
-use std::fmt;
 use std::path::Path;
 
 /// Flash of the ATmega328P less the 2 KB boot loader that most Nanos are sold with (DS40002061B
@@ -14,6 +14,14 @@ const FLASH_NEW_BOOTLOADER: u64 = 32 * 1024 - 512;
 
 /// SRAM of the ATmega328P (DS40002061B section 8.3).
 const RAM: u64 = 2048;
+
+/// Flash and SRAM of the STM32F405RG; 64 KB more are coupled to the core and not used (DS 2.2.3, 2.2.18).
+const STM32_FLASH: u64 = 1024 * 1024;
+const STM32_RAM: u64 = 128 * 1024;
+
+/// Where its flash and SRAM are (RM0090 2.3).
+const STM32_FLASH_SPACE: std::ops::Range<u64> = 0x0800_0000..0x0900_0000;
+const STM32_RAM_SPACE: std::ops::Range<u64> = 0x2000_0000..0x3000_0000;
 
 /// Where avr-gcc's linker puts data memory and, above it, EEPROM, fuses and the like.
 const DATA_SPACE: std::ops::Range<u64> = 0x80_0000..0x81_0000;
@@ -50,31 +58,38 @@ pub fn of(path: &Path) -> Result<Size, Error> {
 
 impl Size {
     fn add(&mut self, address: u64, bytes: u64, in_file: bool) {
-        let in_data = DATA_SPACE.contains(&address);
+        let in_data = DATA_SPACE.contains(&address) || STM32_RAM_SPACE.contains(&address);
         if in_data {
             self.ram += bytes;
         }
-        if in_file && address < DATA_SPACE.end {
+        // EEPROM and fuses lie above the AVR's data.
+        let in_code = address < DATA_SPACE.start || STM32_FLASH_SPACE.contains(&address);
+        if in_file && (in_data || in_code) {
             self.flash += bytes;
         }
     }
 }
 
-impl fmt::Display for Size {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { flash, ram } = *self;
-        writeln!(
-            f,
-            "flash: {flash} bytes used, {} free of {FLASH} beside the 2 KB boot loader ({} free of \
-             {FLASH_NEW_BOOTLOADER} beside the 512-byte one)",
-            left(FLASH, flash),
-            left(FLASH_NEW_BOOTLOADER, flash),
-        )?;
-        writeln!(
-            f,
-            "static RAM: {ram} bytes used, {} free of {RAM} for the stack",
-            left(RAM, ram)
-        )
+impl Size {
+    /// As text, with what is left on this board.
+    pub fn shown(self, board: Board) -> String {
+        let Self { flash, ram } = self;
+        match board {
+            Board::Nano => format!(
+                "flash: {flash} bytes used, {} free of {FLASH} beside the 2 KB boot loader ({} free of \
+                 {FLASH_NEW_BOOTLOADER} beside the 512-byte one)\n\
+                 static RAM: {ram} bytes used, {} free of {RAM} for the stack\n",
+                left(FLASH, flash),
+                left(FLASH_NEW_BOOTLOADER, flash),
+                left(RAM, ram)
+            ),
+            Board::Stm32 => format!(
+                "flash: {flash} bytes used, {} free of {STM32_FLASH}\n\
+                 static RAM: {ram} bytes used, {} free of {STM32_RAM} for the stack\n",
+                left(STM32_FLASH, flash),
+                left(STM32_RAM, ram)
+            ),
+        }
     }
 }
 
@@ -109,7 +124,7 @@ mod tests {
             flash: 30_820,
             ram: 500,
         }
-        .to_string();
+        .shown(Board::Nano);
         assert!(
             text.contains("30820 bytes used, -100 free of 30720"),
             "{text}"

@@ -1,13 +1,14 @@
 //! The compiler for the firmware: one release, which comes from rustup or from the distribution.
 //!
-//! AVR needs the library sources and unstable flags, so the firmware is tied to the one release it
+//! The boards need the library sources and unstable flags, so the firmware is tied to the one release it
 //! was tested with; `RUSTC_BOOTSTRAP=1` makes that stable compiler accept them.
 
+use crate::image::Board;
 use crate::repo;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// The release that the firmware is tested with; `board-nano/rust-toolchain.toml` names it too.
+/// The release that the firmware is tested with; the boards' `rust-toolchain.toml` name it too.
 pub const RELEASE: &str = "1.96.0";
 
 /// The name under which a distribution's compiler of that release is linked into rustup.
@@ -71,11 +72,11 @@ impl Toolchain {
     }
 
     /// cargo of this toolchain in the board's folder, from which cargo takes its settings.
-    pub fn cargo_in_board(&self) -> Command {
+    pub fn cargo_in_board(&self, board: Board) -> Command {
         let mut command = self.source.program("cargo");
-        command.current_dir(repo::root().join("board-nano"));
+        command.current_dir(repo::root().join(board.folder()));
         command.env("RUSTC_BOOTSTRAP", "1");
-        // Settings of the host's build, which would reach the AVR's compiler or mislead it.
+        // Settings of the host's build, which would reach the board's compiler or mislead it.
         for name in [
             "RUSTFLAGS",
             "CARGO_ENCODED_RUSTFLAGS",

@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 use clap::error::ErrorKind;
 use clap::{Parser, ValueEnum};
 use multidrop_bus::{
-    Bus, BusConfig, BusError, Format, HostPort, Line, Live, LiveError, Nano, NodeId, Pin, Time,
+    Bus, BusConfig, BusError, Format, HostPort, Line, Live, LiveError, Nano, NodeId, Pin, Stm32,
+    Time, WireId, barrier,
 };
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
@@ -43,7 +44,7 @@ struct Arguments {
     inject: Option<Canned>,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Scenario {
     /// Three Nanos with the unit ids 1, 2, 3
     DemoUnit,
@@ -53,6 +54,8 @@ enum Scenario {
     RelayPanel,
     /// Every function, unit 17
     NanoConformance,
+    /// Every function on an STM32, unit 17, on RS4
+    Stm32Conformance,
     /// A Nano that is a client
     ClientFunctions,
 }
@@ -69,6 +72,7 @@ impl Scenario {
             Scenario::Registers => &["nano-registers.elf"],
             Scenario::RelayPanel => &["nano-relay-panel.elf", "nano-relay-board.elf"],
             Scenario::NanoConformance => &["nano-conformance.elf"],
+            Scenario::Stm32Conformance => &["stm32-conformance-qemu.elf"],
             Scenario::ClientFunctions => &["nano-client-functions.elf"],
         }
     }
@@ -163,6 +167,15 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
     };
     let mut bus = Bus::new(BusConfig::default());
     for (index, image) in images(arguments)?.into_iter().enumerate() {
+        if arguments.scenario == Scenario::Stm32Conformance {
+            bus.add_stm32(Stm32 {
+                name: "stm32".to_owned(),
+                image,
+                plugin: barrier()?,
+                wires: [None, None, None, Some(WireId::default())],
+            })?;
+            continue;
+        }
         let mut nano = Nano::new(format!("unit {}", index + 1), image);
         nano.seed = index as u64 + 1;
         bus.add_nano(nano)?;

@@ -61,7 +61,7 @@ struct Usart {
     clock_hz: u32,
     /// The line of the external interrupt controller that its RXD is on.
     exti: u8,
-    /// The bit of GPIOC that is its DE.
+    /// The bit of GPIOA that is its DE.
     de: Option<u8>,
 }
 
@@ -89,7 +89,7 @@ const USARTS: [Usart; 4] = [
         base: 0x4000_4C00,
         clock_hz: 42_000_000,
         exti: 1,
-        de: Some(12),
+        de: Some(4),
     },
 ];
 
@@ -109,8 +109,8 @@ const RXNE: u32 = 1 << 5;
 const TC: u32 = 1 << 6;
 const TXE: u32 = 1 << 7;
 
-/// BSRR of GPIOC (RM0090 8.4.7).
-const GPIOC_BSRR: u64 = 0x4002_0818;
+/// BSRR of GPIOA (RM0090 8.4.7).
+const GPIOA_BSRR: u64 = 0x4002_0018;
 
 /// Instructions in a second.
 const INSTRUCTIONS_HZ: u32 = 125_000_000;
@@ -151,7 +151,7 @@ pub struct Machine {
 impl Machine {
     pub(crate) fn new(stm32: Stm32, now: Time) -> Result<Self, BusError> {
         let mut watched: Vec<_> = USARTS.iter().map(|u| (u.base, u.base + CR3)).collect();
-        watched.push((GPIOC_BSRR, GPIOC_BSRR));
+        watched.push((GPIOA_BSRR, GPIOA_BSRR));
         let stops: Vec<_> = USARTS.iter().map(|u| u.base + DR).collect();
         let qemu = Qemu::start(&stm32.image, &stm32.plugin, USARTS.len(), &watched, &stops)?;
         Ok(Machine {
@@ -265,7 +265,7 @@ impl Port {
             }
             return None;
         };
-        if access.address == GPIOC_BSRR {
+        if access.address == GPIOA_BSRR {
             // The lower half sets, the upper half resets, and setting has priority.
             let bit = self.usart.de?;
             if value >> bit & 1 != 0 {

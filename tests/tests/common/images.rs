@@ -8,6 +8,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use multidrop_bus::{Format, Line};
 
 use super::LINE;
+use super::conforms::Board;
 use super::plain::wire::Way;
 
 /// Results of builds, made once in each process.
@@ -59,8 +60,12 @@ fn built(arguments: &[&str]) -> PathBuf {
 
 /// The image of a Nano's application, as `cargo xtask build nano APP OPTIONS` makes it.
 pub fn image(app: &str, options: &[&str]) -> PathBuf {
-    once(format!("{app} {}", options.join(" ")), || {
-        built(&[&["build", "nano", app], options].concat())
+    board_image("nano", app, options)
+}
+
+fn board_image(board: &str, app: &str, options: &[&str]) -> PathBuf {
+    once(format!("{board} {app} {}", options.join(" ")), || {
+        built(&[&["build", board, app], options].concat())
     })
 }
 
@@ -71,25 +76,28 @@ pub fn registers(count: u8, line: Line) -> PathBuf {
     if count != "16" {
         options.extend(["--count", &count]);
     }
-    for_line("registers", options, line, LINE)
+    for_line("nano", "registers", options, line, LINE)
 }
 
-/// The `conformance` image for `line`.
-pub fn conformance(way: Way, line: Line) -> PathBuf {
-    match way {
-        Way::Rtu => for_line("conformance", Vec::new(), line, LINE),
+/// The `conformance` image of a board for `line`; the STM32's is for QEMU.
+pub fn conformance(board: Board, way: Way, line: Line) -> PathBuf {
+    let (default, ascii) = match way {
+        Way::Rtu => (LINE, None),
         Way::Ascii => {
-            let default = Line {
-                format: Format::E71,
-                ..LINE
-            };
-            for_line("conformance", vec!["--ascii"], line, default)
+            let format = Format::E71;
+            (Line { format, ..LINE }, Some("--ascii"))
         }
-    }
+    };
+    let (name, qemu) = match board {
+        Board::Nano => ("nano", None),
+        Board::Stm32 => ("stm32", Some("--qemu")),
+    };
+    let fixed = ascii.into_iter().chain(qemu).collect();
+    for_line(name, "conformance", fixed, line, default)
 }
 
 /// With what differs from the line that the application has by itself.
-fn for_line(app: &str, options: Vec<&str>, line: Line, default: Line) -> PathBuf {
+fn for_line(board: &str, app: &str, options: Vec<&str>, line: Line, default: Line) -> PathBuf {
     let mut options = options;
     let (baud, format) = (line.baud.to_string(), line.format.to_string());
     if line.baud != default.baud {
@@ -98,7 +106,7 @@ fn for_line(app: &str, options: Vec<&str>, line: Line, default: Line) -> PathBuf
     if line.format != default.format {
         options.extend(["--format", &format]);
     }
-    image(app, &options)
+    board_image(board, app, &options)
 }
 
 /// The image of an example of the HAL.

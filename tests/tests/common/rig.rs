@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use multidrop_bus::{Answer, Bus, BusConfig, HostId, HostPort, Line, NodeId, Station, Time, Tx};
+use multidrop_bus::{
+    Answer, Bus, BusConfig, HostId, HostPort, Line, NodeId, Station, Stm32, Time, Tx, WireId,
+    barrier,
+};
 
 use super::frames::{adu, data, words};
 use super::{LINE, assert_bus_rules, image, registers};
@@ -38,6 +41,29 @@ impl Rig {
         let mut rig = Rig {
             bus,
             nodes,
+            host,
+            line,
+            answered: 0,
+            slack: Time::from_ms(3),
+        };
+        rig.pause(Time::from_ms(20));
+        rig
+    }
+
+    /// A bus with an STM32 that runs this image, RS4 on the wire, booted.
+    pub fn stm32(image: &Path, line: Line) -> Self {
+        let mut bus = Bus::new(BusConfig::default());
+        bus.add_stm32(Stm32 {
+            name: "stm32".to_owned(),
+            image: image.to_path_buf(),
+            plugin: barrier().expect("set-up has built it"),
+            wires: [None, None, None, Some(WireId::default())],
+        })
+        .expect("QEMU runs");
+        let host = bus.add_host(HostPort::new(line));
+        let mut rig = Rig {
+            bus,
+            nodes: Vec::new(),
             host,
             line,
             answered: 0,
@@ -88,7 +114,7 @@ impl Rig {
         assert_bus_rules(&self.bus, self.line);
         let bytes = self.bus.record().bytes().iter();
         self.answered = bytes
-            .filter(|byte| matches!(byte.from, Station::Node(_)))
+            .filter(|byte| byte.from != Station::Host(self.host))
             .count();
         self.bus.clear_record();
     }

@@ -1,9 +1,12 @@
 //! What holds on the bus at all times, whatever is asked.
 
-use multidrop_bus::{Bus, Line, NodeId, Station, Time, WireByte};
+use multidrop_bus::{Bus, Line, Station, Time, WireByte};
 
 /// How long DE may stay up after the last stop bit.
 pub const DE_LAG: Time = Time::from_us(10);
+
+/// The port of a machine that is on RS-485, with a DE pin.
+const RS4: usize = 3;
 
 /// What [`assert_bus_rules`] is told.
 pub struct Rules {
@@ -36,11 +39,14 @@ pub fn assert_bus_rules(bus: &Bus, rules: impl Into<Rules>) {
     let Rules { line, de_lag } = rules.into();
     let record = bus.record();
     assert_eq!(record.conflicts(), [], "\n{record}");
-    for (id, node) in bus.nodes() {
+    for (_, node) in bus.nodes() {
         assert_eq!(node.bad_opcodes(), 0, "{} ran wild", node.name());
-        let broken = |what: &str| panic!("{}: {what}\n{record}", node.name());
-        let mut sent: Vec<_> = record.sent_by(Station::Node(id)).collect();
-        for (on, off) in driven(bus, id) {
+    }
+    let nodes = bus.nodes().map(|(id, _)| Station::Node(id));
+    for station in nodes.chain(bus.machines().filter_map(|machine| machine.station(RS4))) {
+        let broken = |what: &str| panic!("{station}: {what}\n{record}");
+        let mut sent: Vec<_> = record.sent_by(station).collect();
+        for (on, off) in driven(bus, station) {
             let rest = sent.split_off(sent.partition_point(|byte| byte.start < off));
             let answer = std::mem::replace(&mut sent, rest);
             let (Some(first), Some(last)) = (answer.first(), answer.last()) else {
@@ -64,7 +70,7 @@ pub fn assert_bus_rules(bus: &Bus, rules: impl Into<Rules>) {
             if !answer.iter().all(|byte| byte.is_good()) {
                 broken("a damaged character");
             }
-            let others = |byte: &&WireByte| byte.from != Station::Node(id) && byte.start < off;
+            let others = |byte: &&WireByte| byte.from != station && byte.start < off;
             let heard = record.bytes().iter().filter(others);
             if heard
                 .map(|byte| byte.end + line.t35())
@@ -79,13 +85,13 @@ pub fn assert_bus_rules(bus: &Bus, rules: impl Into<Rules>) {
     }
 }
 
-/// When a node's driver was on, from and to.
-fn driven(bus: &Bus, id: NodeId) -> Vec<(Time, Time)> {
+/// When a station's driver was on, from and to.
+fn driven(bus: &Bus, station: Station) -> Vec<(Time, Time)> {
     let record = bus.record();
     let edges: Vec<_> = record
         .de_edges()
         .iter()
-        .filter(|edge| edge.node == id)
+        .filter(|edge| edge.from == station)
         .collect();
     assert!(
         edges.len().is_multiple_of(2),

@@ -1,0 +1,90 @@
+//! The image `conformance` of a board on the bus against the plain model of its unit.
+
+use multidrop_bus::{Line, Time, Tx};
+
+use super::plain::Plain;
+use super::plain::requests::{Requests, Step, audit};
+use super::plain::shrink::minimal;
+use super::plain::wire::{Character, Flaw, Way, from_ascii, from_rtu, heard, hex};
+use super::random::Random;
+use super::{Rig, conformance};
+
+/// What runs the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Board {
+    /// An ATmega328P in simavr.
+    Nano,
+    /// An STM32F405 in QEMU.
+    Stm32,
+}
+
+impl Board {
+    fn boot(self, way: Way, line: Line) -> (Rig, Plain) {
+        let image = conformance(self, way, line);
+        let version = env!("CARGO_PKG_VERSION");
+        match self {
+            Board::Nano => {
+                let mut rig = Rig::with(&[&image], line);
+                // 2000 discrete inputs are worked out one by one, which takes 11 ms.
+                rig.slack = Time::from_ms(15);
+                (rig, Plain::new("nano", version, 0))
+            }
+            Board::Stm32 => (Rig::stm32(&image, line), Plain::new("stm32", version, 32)),
+        }
+    }
+}
+
+/// What is on the wire of a character that is wrong in this way.
+fn sent(character: &Character, line: Line) -> Tx {
+    let sound = Tx::byte(character.value);
+    match character.flaw {
+        Flaw::None => sound,
+        Flaw::Gap => sound.after((line.t15() + line.t35()) / 2),
+        Flaw::Parity => sound.bad_parity(),
+        Flaw::Framing => sound.bad_stop(),
+        Flaw::Overrun => unreachable!("nothing on the wire makes an overrun"),
+    }
+}
+
+/// Goes through `steps` from boot; which answer is not as it must be, and how.
+fn run(board: Board, way: Way, line: Line, steps: &[Step]) -> Option<(usize, String)> {
+    let (mut rig, mut plain) = board.boot(way, line);
+    for (number, step) in steps.iter().enumerate() {
+        let delimiter = plain.delimiter;
+        let characters = step.characters(way, delimiter);
+        let must = plain.hears(&heard(way, delimiter, &characters));
+        let bytes = rig.ask_each(characters.iter().map(|one| sent(one, line)));
+        let is = match way {
+            Way::Rtu => from_rtu(&bytes),
+            Way::Ascii => from_ascii(&bytes, delimiter),
+        };
+        if is.is_none() && !bytes.is_empty() {
+            return Some((number, format!("{step:?}: no frame: {}", hex(&bytes))));
+        }
+        if is != must {
+            return Some((number, step.answered(is, must)));
+        }
+    }
+    None
+}
+
+/// Random requests and damage, with flaws of characters among these; state and counters are read back every 50 steps.
+pub fn holds(board: Board, way: Way, line: Line, flaws: &[Flaw], seed: u64, requests: usize) {
+    let mut random = Random::new(seed);
+    let mut below = |end: u32| (random.next() % u64::from(end)) as u32;
+    let mut traffic = Requests::new(&mut below, flaws);
+    let mut steps = Vec::new();
+    for number in 1..=requests {
+        steps.push(traffic.step());
+        if number % 50 == 0 {
+            steps.extend(audit());
+        }
+    }
+    if let Some((number, said)) = run(board, way, line, &steps) {
+        // Finding it takes long.
+        eprintln!("seed {seed}, step {number}: {said}\nlooking for the least that fails");
+        let fails = |steps: &[Step]| run(board, way, line, steps).map(|(_, said)| said);
+        let (least, still) = minimal(&steps[..=number], fails);
+        panic!("seed {seed}, step {number}: {said}\nthe least that fails: {still}\n{least:#?}");
+    }
+}

@@ -11,6 +11,7 @@ use embassy_stm32::rcc::{
 use embassy_stm32::time::Hertz;
 use static_cell::StaticCell;
 
+use super::{ALARMS, CHARACTERS, OTHERS, group_priorities};
 use crate::ports::{APB1_HZ, APB2_HZ, PORTS};
 use crate::usart;
 use crate::usart::registers::Registers;
@@ -63,17 +64,16 @@ pub(crate) fn init() {
 
     start_timer();
 
-    // All interrupts of the line have one priority, the highest: they do not nest, and none of one port can
-    // keep another's waiting for more than itself. The time driver comes after them.
-    interrupt::TIM2.set_priority(Priority::P4);
+    group_priorities();
     for interrupt in usart::INTERRUPTS {
-        enable(interrupt);
+        enable(interrupt, CHARACTERS);
     }
-    enable(interrupt::TIM5);
+    enable(interrupt::TIM5, ALARMS);
+    interrupt::TIM2.set_priority(OTHERS);
 }
 
-fn enable(interrupt: pac::Interrupt) {
-    interrupt.set_priority(Priority::P0);
+fn enable(interrupt: pac::Interrupt, priority: Priority) {
+    interrupt.set_priority(priority);
     // SAFETY: every interrupt of the line has its handler in this crate.
     unsafe { interrupt.enable() };
 }
@@ -124,11 +124,10 @@ pub(crate) fn alarm_off(port: usize) {
 #[interrupt]
 fn TIM5() {
     let due = TIM5.sr().read().0 & TIM5.dier().read().0;
-    for port in 0..PORTS {
-        if due & CC1 << port != 0 {
-            TIM5.sr().write(|w| w.0 = !(CC1 << port));
-            usart::on_alarm(port);
-        }
+    // One at a time: characters come between. The others keep the interrupt pending.
+    if let Some(port) = (0..PORTS).find(|port| due & CC1 << port != 0) {
+        TIM5.sr().write(|w| w.0 = !(CC1 << port));
+        usart::on_alarm(port);
     }
 }
 

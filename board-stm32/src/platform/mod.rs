@@ -20,3 +20,26 @@ compile_error!(
 );
 #[cfg(not(any(feature = "hardware", feature = "qemu")))]
 compile_error!("an image needs feature hardware or qemu");
+
+use embassy_stm32::interrupt::Priority;
+
+/// Interrupts of the line are in one group, so that they do not nest: each port waits for at most one interrupt
+/// of each other. Of those that wait, characters go before alarms, which are a little longer.
+const CHARACTERS: Priority = Priority::P0;
+/// See [`CHARACTERS`].
+const ALARMS: Priority = Priority::P1;
+/// What the line's interrupts may interrupt.
+#[cfg(feature = "hardware")]
+const OTHERS: Priority = Priority::P8;
+
+/// The highest bit of a priority is its group, the other three bits say who goes first (ARMv7-M B3.2.6,
+/// PRIGROUP 6; PM0214 4.4.5).
+fn group_priorities() {
+    const VECTKEY: u32 = 0x05FA << 16;
+    // SAFETY: AIRCR holds nothing else that is kept.
+    unsafe {
+        (*cortex_m::peripheral::SCB::PTR)
+            .aircr
+            .write(VECTKEY | 6 << 8);
+    }
+}

@@ -12,6 +12,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use core::task::Waker;
 
 use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
 use critical_section::Mutex;
@@ -21,6 +22,7 @@ use embassy_stm32::pac::{self, TIM2, TIM5};
 use embassy_time_queue_utils::Queue;
 use static_cell::StaticCell;
 
+use super::{ALARMS as PRIORITY, CHARACTERS, group_priorities};
 use crate::TICK_HZ;
 use crate::ports::{PORTS, WIRING};
 use crate::usart;
@@ -103,13 +105,21 @@ pub(crate) fn init() {
         timer.egr().write(|w| w.set_ug(true));
         timer.cr1().write(|w| w.set_cen(true));
     }
+    group_priorities();
     for interrupt in usart::INTERRUPTS {
+        interrupt.set_priority(CHARACTERS);
         // SAFETY: each has its handler in this crate.
         unsafe { interrupt.enable() };
     }
     critical_section::with(|_| {
         // SAFETY: SysTick is this module's.
-        let mut systick = unsafe { cortex_m::Peripherals::steal() }.SYST;
+        let mut core = unsafe { cortex_m::Peripherals::steal() };
+        // SAFETY: interrupts are off.
+        unsafe {
+            core.SCB
+                .set_priority(SystemHandler::SysTick, PRIORITY.into())
+        };
+        let mut systick = core.SYST;
         systick.set_clock_source(SystClkSource::Core);
         alarms().set_timer();
         systick.enable_interrupt();
@@ -212,12 +222,11 @@ impl Alarms {
 fn SysTick() {
     // Whatever is set meanwhile is seen below.
     alarms().next = now();
-    while let Some(alarm) = alarms().take_due() {
-        if alarm == TIME {
-            critical_section::with(|cs| CLOCK.borrow_ref_mut(cs).look());
-        } else {
-            usart::on_alarm(alarm);
-        }
+    // One at a time: characters come between. For the others it interrupts again.
+    match alarms().take_due() {
+        Some(TIME) => critical_section::with(|cs| CLOCK.borrow_ref_mut(cs).look()),
+        Some(port) => usart::on_alarm(port),
+        None => {}
     }
     alarms().set_timer();
 }

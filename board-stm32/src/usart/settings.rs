@@ -73,9 +73,9 @@ impl Settings {
     /// Settings for `config`, for a USART with a clock of `clock_hz` (up to 100 MHz) and a timer with one of
     /// `tick_hz` (up to 55 MHz).
     ///
-    /// RXNE is set after sample 10 of 16 of the stop bit, at the end of the first of two stop bits (RM0090
-    /// 30.3.3), and sample 1 is at most one sample late. The most that can be left of the character is
-    /// added, rounded up: no interval is ever cut short.
+    /// RXNE is set with the samples of the stop bit, of the first where there are two: not before sample 8
+    /// of 16, or 4 of 8 (RM0090 30.3.3; for two stop bits it has the end of the first). The most that can be
+    /// left of the character is added, rounded up: no interval is ever cut short.
     ///
     /// # Errors
     /// [`LineError::Format`] for RTU with seven data bits; [`LineError::Baud`] for a rate over 2 Mbaud, or
@@ -96,7 +96,8 @@ impl Settings {
         };
         let bits = Bits::of(format);
         let rest_of_stop = {
-            let sixteenths = if bits.cr2 == STOP_2 { 17 } else { 7 };
+            let sixteenths =
+                if divisor.over8 { 10 } else { 9 } + if bits.cr2 == STOP_2 { 16 } else { 0 };
             (sixteenths * tick_hz).div_ceil(16 * baud)
         };
         let t1_5 = rest_of_stop + timing::t1_5(format, baud, tick_hz);
@@ -230,24 +231,24 @@ mod tests {
 
     #[test]
     fn silences_worked_by_hand() {
-        // At 38400 baud a bit has 1093.75 ticks; 7 sixteenths of the stop bit are left, 478.5.
+        // At 38400 baud a bit has 1093.75 ticks; 9 sixteenths of the stop bit are left, 615.2.
         let rtu = LineConfig {
             framing: Framing::Rtu,
             ..CONFIG
         };
         let made = settings(rtu);
-        assert_eq!(made.to_complete, 31_500 + 479);
-        let t3_5 = 73_500 + 479;
+        assert_eq!(made.to_complete, 31_500 + 616);
+        let t3_5 = 73_500 + 616;
         assert_eq!(made.t3_5, t3_5);
         assert_eq!(made.to_start, t3_5 / 128);
         assert_eq!(made.to_complete + made.to_stand + made.to_start, t3_5);
         assert_eq!(made.character, 10_938);
-        // With two stop bits RXNE comes a bit and a sixteenth before the end of the character, at most.
+        // With two stop bits there is a whole one more.
         let made = settings(LineConfig {
             format: LineFormat::F8N2,
             ..rtu
         });
-        assert_eq!(made.t3_5, 73_500 + 1_163);
+        assert_eq!(made.t3_5, 73_500 + 1_709);
         // Where gaps are allowed there is one silence, which completes and judges the frame.
         let made = settings(LineConfig {
             inter_character: InterCharacter::Off,

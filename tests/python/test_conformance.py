@@ -18,15 +18,16 @@ ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, NACK = 1, 2, 3, 7
 
 
 class Functions:
-    """The tests of one framing; each leaves the unit as it was at boot, its counters aside."""
+    """The tests of one framing on one board; each leaves the unit as it was at boot, its counters aside."""
 
+    board = "nano"
     options, settings = (), {}
     # What pymodbus can have echoed.
     messages = (b"\xa5\x37", b"\x00\x00")
 
     @classmethod
     def setUpClass(cls):
-        cls.bus = Bus("nano-conformance", *cls.options)
+        cls.bus = Bus(f"{cls.board}-conformance", *cls.options)
         cls.addClassCleanup(cls.bus.stop)
 
     def setUp(self):
@@ -173,7 +174,27 @@ class Functions:
         # pymodbus takes the last byte for the run indicator, which is behind the id (APP 6.13).
         self.assertEqual(answer.identifier, b"\x11\xffmultidro")
 
-    def test_14_15_files_are_not_there(self):
+    def files(self):
+        """32 records of file 4, each its number at boot."""
+        record = {"file_number": 4, "record_number": 30}
+        # pymodbus counts bytes.
+        read = [
+            FileRecord(**record, record_length=4),
+            FileRecord(file_number=4, record_number=1, record_length=2),
+        ]
+        answer = self.good(self.client.read_file_record(read, **UNIT))
+        self.assertEqual([one.record_data for one in answer.records], [b"\x00\x1e\x00\x1f", b"\x00\x01"])
+        for data in (b"\xa5\x5a\x12\x34", b"\x00\x1e\x00\x1f"):
+            write = [FileRecord(**record, record_data=data)]
+            self.good(self.client.write_file_record(write, **UNIT))
+            answer = self.good(self.client.read_file_record(read, **UNIT))
+            self.assertEqual(answer.records[0].record_data, data)
+        past = [FileRecord(file_number=4, record_number=31, record_length=4)]
+        self.refused(self.client.read_file_record(past, **UNIT), ILLEGAL_ADDRESS)
+
+    def test_14_15_files(self):
+        if self.board == "stm32":
+            return self.files()
         records = [FileRecord(file_number=4, record_number=1, record_length=2)]
         self.refused(self.client.read_file_record(records, **UNIT), ILLEGAL_FUNCTION)
         records = [FileRecord(file_number=4, record_number=1, record_data=b"\x00\x01")]
@@ -205,7 +226,7 @@ class Functions:
         client = self.client
         basic = self.good(client.read_device_information(read_code=1, **UNIT))
         self.assertEqual(basic.information[0], b"multidrop")
-        self.assertEqual(basic.information[1], b"nano")
+        self.assertEqual(basic.information[1], self.board.encode())
         self.assertEqual(sorted(basic.information), [0, 1, 2])
         self.assertEqual((basic.conformity, basic.more_follows), (0x82, 0))
         regular = self.good(client.read_device_information(read_code=2, object_id=2, **UNIT))
@@ -265,6 +286,18 @@ class Ascii(Functions, unittest.TestCase):
         self.addCleanup(self.client.close)
         inputs = self.good(self.client.read_input_registers(0x0A, count=2, **UNIT))
         self.assertEqual(inputs.registers, [0x100A, 0x100B])
+
+
+class Stm32Rtu(Rtu):
+    """The STM32's RS4 in QEMU, RTU."""
+
+    board = "stm32"
+
+
+class Stm32Ascii(Ascii):
+    """The STM32's RS4 in QEMU, ASCII."""
+
+    board = "stm32"
 
 
 if __name__ == "__main__":

@@ -3,49 +3,19 @@
 
 mod common;
 
-use common::LINE;
-use common::conforms::{Board, holds};
-use common::plain::wire::{Flaw, Way};
-use multidrop_bus::{Format, Line};
-
-const FAST: Line = Line::n81(115_200);
+use common::conforms::{Board, at_115200, in_ascii, with_parity};
 
 #[test]
 fn random_requests_at_115200() {
-    for seed in 1..=2 {
-        holds(
-            Board::Stm32,
-            Way::Rtu,
-            FAST,
-            &[Flaw::Gap, Flaw::Framing],
-            seed,
-            850,
-        );
-    }
+    at_115200(Board::Stm32);
 }
 
 #[test]
 fn random_requests_with_parity() {
-    let line = Line {
-        format: Format::E81,
-        ..LINE
-    };
-    let flaws = [Flaw::Gap, Flaw::Framing, Flaw::Parity];
-    holds(Board::Stm32, Way::Rtu, line, &flaws, 3, 300);
+    with_parity(Board::Stm32);
 }
 
 #[test]
 fn random_requests_in_ascii() {
-    let line = Line {
-        format: Format::E71,
-        ..FAST
-    };
-    holds(
-        Board::Stm32,
-        Way::Ascii,
-        line,
-        &[Flaw::Framing, Flaw::Parity],
-        4,
-        300,
-    );
+    in_ascii(Board::Stm32);
 }

@@ -1,13 +1,13 @@
 //! The image `conformance` of a board on the bus against the plain model of its unit.
 
-use multidrop_bus::{Line, Time, Tx};
+use multidrop_bus::{Format, Line, Time, Tx};
 
 use super::plain::Plain;
 use super::plain::requests::{Requests, Step, audit};
 use super::plain::shrink::minimal;
 use super::plain::wire::{Character, Flaw, Way, from_ascii, from_rtu, heard, hex};
 use super::random::Random;
-use super::{Rig, conformance};
+use super::{LINE, Rig, conformance};
 
 /// What runs the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,7 +69,7 @@ fn run(board: Board, way: Way, line: Line, steps: &[Step]) -> Option<(usize, Str
 }
 
 /// Random requests and damage, with flaws of characters among these; state and counters are read back every 50 steps.
-pub fn holds(board: Board, way: Way, line: Line, flaws: &[Flaw], seed: u64, requests: usize) {
+fn holds(board: Board, way: Way, line: Line, flaws: &[Flaw], seed: u64, requests: usize) {
     let mut random = Random::new(seed);
     let mut below = |end: u32| (random.next() % u64::from(end)) as u32;
     let mut traffic = Requests::new(&mut below, flaws);
@@ -87,4 +87,34 @@ pub fn holds(board: Board, way: Way, line: Line, flaws: &[Flaw], seed: u64, requ
         let (least, still) = minimal(&steps[..=number], fails);
         panic!("seed {seed}, step {number}: {said}\nthe least that fails: {still}\n{least:#?}");
     }
+}
+
+const FAST: Line = Line::n81(115_200);
+
+/// RTU at 115200 8N1.
+pub fn at_115200(board: Board) {
+    for seed in 1..=2 {
+        holds(
+            board,
+            Way::Rtu,
+            FAST,
+            &[Flaw::Gap, Flaw::Framing],
+            seed,
+            850,
+        );
+    }
+}
+
+/// RTU at 38400 8E1.
+pub fn with_parity(board: Board) {
+    let format = Format::E81;
+    let flaws = [Flaw::Gap, Flaw::Framing, Flaw::Parity];
+    holds(board, Way::Rtu, Line { format, ..LINE }, &flaws, 3, 300);
+}
+
+/// ASCII at 115200 7E1.
+pub fn in_ascii(board: Board) {
+    let format = Format::E71;
+    let flaws = [Flaw::Framing, Flaw::Parity];
+    holds(board, Way::Ascii, Line { format, ..FAST }, &flaws, 4, 300);
 }

@@ -55,6 +55,14 @@ fn cases() -> Vec<Case> {
             "port RS4: slave_id is 248, must be 0..=247",
         ),
         (
+            "name_twice",
+            constant(
+                "[PortConfig; 2]",
+                "multidrop_firmware::manager::table([PortConfig::new(\"AS1\"), PortConfig::new(\"AS1\").client()])",
+            ),
+            "port AS1: name is in the table twice, must be once",
+        ),
+        (
             "mode",
             port(".client().slave_id(0).mode(Mode::Slave)"),
             "port RS4: slave_id is 0, must be 1..=247 for a slave",

@@ -1,0 +1,223 @@
+//! The port manager: one owner of all ports, which loads and reads the registers of each by its name or its place.
+//!
+//! The ports of an application are a `const` table of [`PortConfig`]; [`table`] checks it. What they are made of
+//! differs from port to port; the manager knows them as [`Managed`].
+//!
+//! ```ignore
+//! const PORTS: [PortConfig; 2] = manager::table([
+//!     PortConfig::new("AS1").slave_id(17),
+//!     PortConfig::new("RS4").client(),
+//! ]);
+//! let manager = Manager::new([as1, rs4]); // two ManagedPort
+//! manager.load("RS4", Register::Baud, 9600)?; // LOAD(MB_RS4_BAUD, 9600)
+//! manager.load(0, Register::SlaveId, 18)?;
+//! ```
+
+use core::fmt;
+
+use multidrop_protocol::message::Message;
+use multidrop_protocol::port_registers::{PortRegisters, Refused, Register};
+use multidrop_protocol::registers::{Items, Rules};
+
+use crate::config::PortConfig;
+use crate::line::Line;
+use crate::managed::ManagedPort;
+
+/// A port as the manager knows it.
+pub trait Managed {
+    /// The port's name, such as `"RS4"`.
+    fn name(&self) -> &'static str;
+
+    /// [`ManagedPort::load`].
+    ///
+    /// # Errors
+    /// [`Refused`]: the old value is kept.
+    fn load(&self, register: Register, value: u32) -> Result<(), Refused>;
+
+    /// [`ManagedPort::read`].
+    ///
+    /// # Errors
+    /// [`Refused`] for an element that an array does not have.
+    fn read(&self, register: Register) -> Result<u32, Refused>;
+}
+
+impl<L, R, C, V, D, const N: usize> Managed for ManagedPort<L, PortRegisters<R, C, V>, D, N>
+where
+    L: Line + 'static,
+    R: Items<Item = u16>,
+    C: Items<Item = bool>,
+    V: Rules,
+{
+    fn name(&self) -> &'static str {
+        ManagedPort::name(self)
+    }
+
+    fn load(&self, register: Register, value: u32) -> Result<(), Refused> {
+        ManagedPort::load(self, register, value)
+    }
+
+    fn read(&self, register: Register) -> Result<u32, Refused> {
+        ManagedPort::read(self, register)
+    }
+}
+
+/// Which port is meant: its name, or its place in the table, from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Selector<'a> {
+    /// By name, in capitals as in the table.
+    Name(&'a str),
+    /// By place.
+    Place(usize),
+}
+
+impl<'a> From<&'a str> for Selector<'a> {
+    fn from(name: &'a str) -> Self {
+        Self::Name(name)
+    }
+}
+
+impl From<usize> for Selector<'_> {
+    fn from(place: usize) -> Self {
+        Self::Place(place)
+    }
+}
+
+/// Why a load or read was not done; nothing was changed. The caller's error. Displayed it names the port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ManagerError<'a> {
+    /// There is no such port; how many there are.
+    NoPort {
+        /// What was asked for.
+        port: Selector<'a>,
+        /// Places are below this.
+        ports: usize,
+    },
+    /// The port refused it.
+    Refused {
+        /// The port's name.
+        port: &'static str,
+        /// Register, value, and what would be right.
+        refused: Refused,
+    },
+}
+
+impl fmt::Display for ManagerError<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoPort {
+                port: Selector::Name(name),
+                ports,
+            } => write!(
+                f,
+                "port {name} does not exist: none of the {ports} ports is called so"
+            ),
+            Self::NoPort {
+                port: Selector::Place(place),
+                ports,
+            } => write!(f, "port {place} does not exist, must be below {ports}"),
+            Self::Refused { port, refused } => write!(f, "port {port}: {refused}"),
+        }
+    }
+}
+
+impl core::error::Error for ManagerError<'_> {}
+
+/// The `N` ports of an application.
+pub struct Manager<const N: usize> {
+    ports: [&'static dyn Managed; N],
+}
+
+impl<const N: usize> Manager<N> {
+    /// Over these ports, in the order of their table.
+    pub const fn new(ports: [&'static dyn Managed; N]) -> Self {
+        Self { ports }
+    }
+
+    /// A port, or `None` if there is no such port.
+    pub fn port<'a>(&self, port: impl Into<Selector<'a>>) -> Option<&'static dyn Managed> {
+        match port.into() {
+            Selector::Name(name) => self.ports.iter().copied().find(|port| port.name() == name),
+            Selector::Place(place) => self.ports.get(place).copied(),
+        }
+    }
+
+    /// Loads a register of a port. Others are not touched, and no task of theirs waits for it.
+    ///
+    /// # Errors
+    /// [`ManagerError`]: names the port. The old value is kept.
+    pub fn load<'a>(
+        &self,
+        port: impl Into<Selector<'a>>,
+        register: Register,
+        value: u32,
+    ) -> Result<(), ManagerError<'a>> {
+        self.with(port.into(), |port| port.load(register, value))
+    }
+
+    /// Reads a register of a port.
+    ///
+    /// # Errors
+    /// [`ManagerError`]: names the port.
+    pub fn read<'a>(
+        &self,
+        port: impl Into<Selector<'a>>,
+        register: Register,
+    ) -> Result<u32, ManagerError<'a>> {
+        self.with(port.into(), |port| port.read(register))
+    }
+
+    fn with<'a, R>(
+        &self,
+        selector: Selector<'a>,
+        f: impl FnOnce(&dyn Managed) -> Result<R, Refused>,
+    ) -> Result<R, ManagerError<'a>> {
+        let Some(port) = self.port(selector) else {
+            return Err(ManagerError::NoPort {
+                port: selector,
+                ports: N,
+            });
+        };
+        f(port).map_err(|refused| ManagerError::Refused {
+            port: port.name(),
+            refused,
+        })
+    }
+}
+
+/// A table of ports, for a `const`.
+///
+/// # Panics
+/// At compile time, with the name, if two ports have the same.
+pub const fn table<const N: usize>(ports: [PortConfig; N]) -> [PortConfig; N] {
+    let mut port = 0;
+    while port < N {
+        let mut other = port + 1;
+        while other < N {
+            if same(ports[port].name(), ports[other].name()) {
+                Message::new()
+                    .text("port ")
+                    .text(ports[port].name())
+                    .text(": name is in the table twice, must be once")
+                    .fail();
+            }
+            other += 1;
+        }
+        port += 1;
+    }
+    ports
+}
+
+const fn same(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
+    if one.len() != other.len() {
+        return false;
+    }
+    let mut at = 0;
+    while at < one.len() {
+        if one[at] != other[at] {
+            return false;
+        }
+        at += 1;
+    }
+    true
+}

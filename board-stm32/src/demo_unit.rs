@@ -9,7 +9,7 @@ use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::registers::within;
 use multidrop_firmware::protocol::server::DataModel;
 
-/// The pins of GPIOC that show the register (DS 6.3.17: PC13 to PC15 sink and source 3 mA).
+/// The pins of GPIOC that show the register (DS, pin definitions: PC13 to PC15 drive 3 mA, and no LED).
 pub const LEDS: u16 = 0x1FFF;
 
 /// The register.

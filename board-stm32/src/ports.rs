@@ -10,7 +10,7 @@ use multidrop_firmware::protocol::port_registers::{Duplex, Flow};
 
 use crate::usart::Settings;
 
-/// The clock of APB1 and the USARTs on it, in Hz: the fastest it may be (DS 6.3.1, table 14).
+/// The clock of APB1 and the USARTs on it, in Hz: the fastest it may be (DS, general operating conditions).
 pub const APB1_HZ: u32 = 42_000_000;
 /// The clock of APB2 and the USART on it, in Hz: the fastest it may be.
 pub const APB2_HZ: u32 = 84_000_000;
@@ -51,7 +51,7 @@ pub struct Wiring {
     pub tx: Pin,
     /// Receive. Its number is the EXTI line that sees start bits; no two ports may share one.
     pub rx: Pin,
-    /// The alternate function that connects these pins and those of the handshake to the USART (DS table 9).
+    /// The alternate function that connects these pins and those of the handshake to the USART (DS, alternate function mapping).
     pub function: u8,
     /// Driver enable of the RS-485 transceiver.
     pub de: Option<Pin>,
@@ -120,7 +120,7 @@ const fn bit(pin: Pin) -> u64 {
 }
 
 const fn check(ports: &[Wiring; PORTS]) {
-    // The demonstration unit's outputs; JTAG and SWD (DS table 9).
+    // The demonstration unit's outputs; JTAG and SWD.
     let mut used = (crate::demo_unit::LEDS as u64) << 32;
     let debugger = [pin('A', 13), pin('A', 14), pin('A', 15), pin('B', 3)];
     let mut i = 0;

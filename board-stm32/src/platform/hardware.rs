@@ -21,7 +21,7 @@ use crate::usart::settings::Settings;
 const HSE: Hertz = Hertz(8_000_000);
 const PREDIV: PllPreDiv = PllPreDiv::DIV4;
 
-/// TIM5 is clocked with twice APB1 (RM0090 6.2, figure 21), and divided by two.
+/// TIM5 is clocked with twice APB1 (RM0090 7.2), and divided by two.
 const PRESCALER: u16 = 2;
 const _: () = assert!(2 * APB1_HZ / PRESCALER as u32 == crate::TICK_HZ);
 
@@ -55,7 +55,8 @@ pub(crate) fn init() {
     const { assert!(168_000_000 / 4 == APB1_HZ && 168_000_000 / 2 == APB2_HZ) };
     embassy_stm32::init(config);
 
-    // Prefetch and both caches (RM0090 3.9.1); without them each fetch waits for five cycles.
+    // Prefetch and both caches (RM0090 3.9.1), which `init` leaves off: without them a fetch waits for up to five
+    // cycles.
     pac::FLASH.acr().modify(|w| {
         w.set_prften(true);
         w.set_icen(true);
@@ -79,7 +80,7 @@ fn enable(interrupt: pac::Interrupt, priority: Priority) {
 }
 
 /// TIM5 counts up and round, 32 bits wide (RM0090 18.3.1). Its channels are compare channels, frozen, as after
-/// reset: a match sets CCxIF and nothing else (RM0090 18.3.7).
+/// reset: a match sets CCxIF and nothing else (RM0090 18.3.8).
 fn start_timer() {
     pac::RCC.apb1enr().modify(|w| w.set_tim5en(true));
     pac::RCC.apb1enr().read();

@@ -200,7 +200,8 @@ pub(crate) fn enable_clocks() {
         w.set_usart1en(true);
         w.set_syscfgen(true);
     });
-    // A clock runs two cycles after it is enabled (RM0090 7.3.10, errata 2.2.7): reading back waits for it.
+    // A clock runs two cycles after it is enabled (ES0182, delay after an RCC peripheral clock
+    // enabling): reading back waits for it.
     pac::RCC.apb2enr().read();
 }
 
@@ -233,7 +234,8 @@ fn output(pin: Pin) {
 }
 
 /// A pin of the USART (RM0090 8.3.2): function first, then mode, so that it is never something else. Pulled
-/// up: an open line is idle. Fast enough for 2 Mbaud, which the slowest edges are not (DS 6.3.17).
+/// up: an open line is idle, and so is TX while the USART is off to be set up. Fast enough for 2 Mbaud, which the
+/// slowest edges are not (DS, I/O AC characteristics).
 fn connect_pin(pin: Pin, function: u8) {
     let (gpio, n) = (gpio(pin), usize::from(pin.number));
     gpio.afr(n / 8).modify(|w| w.set_afr(n % 8, function));

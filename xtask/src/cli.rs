@@ -39,11 +39,17 @@ pub enum Command {
     },
     /// Run every check and test; the last line is `N passed, N failed`.
     Test,
-    /// Build an example of the HAL, for the tests; the last line is `image: PATH`.
+    /// Build an example of the Nano's HAL or of the STM32's board, for the tests; the last line is `image: PATH`.
     #[command(hide = true)]
     Example {
         /// The example.
         name: String,
+        /// Of the STM32's board, for QEMU.
+        #[arg(long)]
+        stm32: bool,
+        /// Baud rate, for those that take one.
+        #[arg(long)]
+        baud: Option<u32>,
     },
     /// Write an image to a board.
     Flash(FlashRequest),

@@ -2,7 +2,7 @@
 
 use crate::cli::ImageRequest;
 use crate::error::Error;
-use crate::image::{Board, Image};
+use crate::image::{Board, Image, word};
 use crate::needs::Purpose;
 use crate::toolchain::Toolchain;
 use crate::{repo, setup, size};
@@ -35,19 +35,44 @@ pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
     Ok(())
 }
 
-/// `example`: an example of the HAL, and its path on the last line.
+/// `example`: an example of the Nano's HAL or of the STM32's board, and its path on the last line.
 ///
 /// # Errors
 /// [`Error::usage`] for a missing compiler, before anything is built; else what cargo said.
-pub fn build_example(name: &str) -> Result<(), Error> {
-    setup::require(&[Purpose::Firmware, Purpose::Avr])?;
-    let mut cargo = Builder::new()?.toolchain.cargo_in_board(Board::Nano);
+pub fn build_example(name: &str, stm32: bool, baud: Option<u32>) -> Result<(), Error> {
+    let board = if stm32 { Board::Stm32 } else { Board::Nano };
+    setup::require(&[Purpose::Firmware, purpose_of(board)])?;
+    let mut cargo = Builder::new()?.toolchain.cargo_in_board(board);
+    cargo.args(["build", "--release", "--example", name]);
+    cargo.args(match board {
+        Board::Nano => &["--package", "embassy-avr-hal"][..],
+        Board::Stm32 => &["--no-default-features", "--features", "qemu"],
+    });
     cargo
-        .args(["build", "--release", "--package", "embassy-avr-hal"])
-        .args(["--example", name, "--target-dir"])
-        .arg(repo::root().join("target/avr"));
+        .arg("--target-dir")
+        .arg(repo::root().join(board.target_dir()));
+    match baud {
+        Some(baud) => cargo.env("MULTIDROP_BAUD", baud.to_string()),
+        None => cargo.env_remove("MULTIDROP_BAUD"),
+    };
     repo::run(&mut cargo)?;
-    println!("image: target/avr/avr-none/release/examples/{name}.elf");
+    let made = match board {
+        Board::Nano => format!("target/avr/avr-none/release/examples/{name}.elf"),
+        Board::Stm32 => format!("target/stm32/thumbv7em-none-eabihf/release/examples/{name}"),
+    };
+    let Some(baud) = baud else {
+        println!("image: {made}");
+        return Ok(());
+    };
+    // The next rate has the same name.
+    let kept = format!(
+        "target/firmware/{}-example-{name}-baud{baud}.elf",
+        word(board)
+    );
+    let folder = repo::root().join("target/firmware");
+    fs::create_dir_all(&folder).map_err(|error| Error::io(folder.display(), error))?;
+    copy(&repo::root().join(made), &repo::root().join(&kept))?;
+    println!("image: {kept}");
     Ok(())
 }
 

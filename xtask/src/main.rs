@@ -54,7 +54,7 @@ fn run(command: Command) -> Result<(), Error> {
         Command::Setup { check: true } => setup::report(),
         Command::Setup { check: false } => setup::install(),
         Command::Build(request) => firmware::build_and_show(&request),
-        Command::Example { name } => firmware::build_example(&name),
+        Command::Example { name, stm32, baud } => firmware::build_example(&name, stm32, baud),
         Command::Sim(request) => sim::run(&request),
         Command::Demo { hold } => demo::run(hold),
         Command::Test => check::run(),

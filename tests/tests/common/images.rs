@@ -113,3 +113,16 @@ fn for_line(board: &str, app: &str, options: Vec<&str>, line: Line, default: Lin
 pub fn example(name: &str) -> PathBuf {
     once(format!("example {name}"), || built(&["example", name]))
 }
+
+/// The image of an example of the STM32's board, for QEMU at this rate.
+pub fn stm32_example(name: &str, baud: u32) -> PathBuf {
+    let baud = baud.to_string();
+    once(format!("stm32 example {name} {baud}"), || {
+        built(&["example", name, "--stm32", "--baud", &baud])
+    })
+}
+
+/// The `registers` image of the STM32, for QEMU.
+pub fn stm32_registers() -> PathBuf {
+    board_image("stm32", "registers", &["--qemu"])
+}

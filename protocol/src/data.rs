@@ -230,8 +230,22 @@ impl<'a> CoilsOut<'a> {
     /// Sets all of them in order from `values`, as far as both go.
     #[inline]
     pub fn fill_from(&mut self, values: impl IntoIterator<Item = bool>) {
-        for (index, on) in (0..self.count).zip(values) {
-            self.set(index, on);
+        let mut values = values.into_iter();
+        let mut left = self.count;
+        for byte in self.bytes.iter_mut() {
+            let mut bit = 1;
+            let mut bits = left.min(8) as u8;
+            left = left.saturating_sub(8);
+            while bits > 0 {
+                match values.next() {
+                    Some(true) => *byte |= bit,
+                    Some(false) => *byte &= !bit,
+                    None => return,
+                }
+                // By one at a time, which is what AVR shifts by.
+                bit <<= 1;
+                bits -= 1;
+            }
         }
     }
 

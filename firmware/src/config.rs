@@ -39,16 +39,17 @@ impl PortConfig {
         }
     }
 
-    /// Master, slave, or off.
+    /// Master, slave, sniffer, or off.
     ///
     /// # Panics
-    /// At compile time, with port and value, for a slave whose `slave_id` is 0.
+    /// At compile time, with port and value, for a slave whose `slave_id` is 0, and for a master or slave with
+    /// framing text.
     pub const fn mode(mut self, mode: Mode) -> Self {
         if matches!(mode, Mode::Slave) && self.settings.slave_id == 0 {
             self.wrong("slave_id", 0, "must be 1..=247 for a slave", None);
         }
         self.settings.mode = mode;
-        self
+        self.check_text()
     }
 
     /// A client, in place of a server: mode master. `slave_id` is that of the slave it asks.
@@ -134,13 +135,15 @@ impl PortConfig {
         self
     }
 
-    /// RTU or ASCII. Set it before the format: seven data bits are for ASCII.
+    /// RTU or ASCII, or text for a sniffer that prints. Set it before the format: seven data bits are not for
+    /// RTU.
     ///
     /// # Panics
-    /// At compile time, with port and value, for RTU with a format of 7 data bits.
+    /// At compile time, with port and value, for RTU with a format of 7 data bits, and for text with a mode that
+    /// is master or slave.
     pub const fn framing(mut self, framing: Framing) -> Self {
         self.settings.line.framing = framing;
-        self.check_data_bits()
+        self.check_text().check_data_bits()
     }
 
     /// Character format. RTU needs 8 data bits (SER 2.5.1), ASCII has 7E1 as default (SER 2.5.2).
@@ -150,6 +153,18 @@ impl PortConfig {
     pub const fn format(mut self, format: LineFormat) -> Self {
         self.settings.line.format = format;
         self.check_data_bits()
+    }
+
+    const fn check_text(self) -> Self {
+        if matches!(self.settings.line.framing, Framing::Text) && self.settings.mode.talks() {
+            self.wrong(
+                "framing",
+                2,
+                "must be 0 (RTU) or 1 (ASCII) for a master or a slave",
+                None,
+            );
+        }
+        self
     }
 
     const fn check_data_bits(self) -> Self {
@@ -276,7 +291,7 @@ pub(crate) const fn line_config(mode: Mode, line: &LineSettings) -> LineConfig {
         },
         role: match mode {
             Mode::Master => Role::Client,
-            Mode::Slave | Mode::Off => Role::Server,
+            Mode::Slave | Mode::Sniffer | Mode::Off => Role::Server,
         },
     }
 }

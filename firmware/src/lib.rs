@@ -22,6 +22,7 @@ pub mod route;
 pub mod scan;
 pub mod serve;
 pub mod shared;
+pub mod sniff;
 
 pub use client::{Client, ClientConfig, ClientError, ClientPort, client_receive};
 pub use config::PortConfig;

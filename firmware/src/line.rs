@@ -45,7 +45,7 @@ pub enum Role {
 pub struct LineConfig {
     /// Bits per second.
     pub baud: u32,
-    /// RTU or ASCII.
+    /// RTU or ASCII; or text, where what is [released](Frame::release) goes out as it is.
     pub framing: Framing,
     /// Data bits, parity and stop bits of a character: eight data bits for RTU (SER 2.5.1), for ASCII
     /// any (SER 2.5.2 has 7E1 as default).
@@ -87,6 +87,9 @@ pub trait Line: Sized {
 
     /// Whether it has RTS and CTS.
     const RTS_CTS: bool = false;
+
+    /// Whether a [managed port](crate::managed) on it may be a sniffer. What is for that costs nothing where not.
+    const SNIFFS: bool = false;
 
     /// Waits for the next frame with a good CRC or LRC and lends it, provisional (see the module). No
     /// task is woken per byte.
@@ -155,6 +158,14 @@ pub trait Line: Sized {
     /// frame on (APP 6.8, sub-function 03). Other settings leave it as it is; RTU has none.
     fn set_delimiter(&self, delimiter: u8);
 
+    /// Shows traffic to whoever looks at this line: a request of its client that is about to go out, and what a
+    /// [managed port](crate::managed) has heard as a master or sniffer, unit id, function code and data or what was
+    /// wrong. By default nobody looks.
+    #[inline(always)]
+    fn show(&self, seen: Result<&[u8], Flaws>) {
+        let _ = seen;
+    }
+
     /// [`Frame::release`].
     fn release(&self, len: u8);
 
@@ -204,7 +215,7 @@ impl<'l, L: Line> Frame<'l, L> {
         self.adu
     }
 
-    /// Hands the first `len` bytes of the buffer (2..=254) to the transmitter. It starts at t3.5 if
+    /// Hands the first `len` bytes of the buffer (2..=254, of text 1..=254) to the transmitter. It starts at t3.5 if
     /// the frame stands, at once if t3.5 has passed and nobody is talking, and not at all if the frame
     /// is void. From here on these bytes must not be changed.
     pub fn release(&mut self, len: u8) {

@@ -7,6 +7,8 @@ pub enum Framing {
     Rtu,
     /// A byte is two hexadecimal digits, a frame stands between `:` and CR LF, an LRC checks it (SER 2.5.2).
     Ascii,
+    /// What is sent are the bytes themselves, without checks: lines of text for a terminal. What is heard means nothing.
+    Text,
 }
 
 /// Parity of a character.

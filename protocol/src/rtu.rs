@@ -241,6 +241,23 @@ impl Transmission {
         Some(self.sum.take_check_byte())
     }
 
+    /// The next byte without a check behind them, `None` when there is no more.
+    #[inline(always)]
+    pub fn next_text(&mut self, adu: &Adu) -> Option<u8> {
+        if self.is_text_over() {
+            return None;
+        }
+        let byte = adu[usize::from(self.position)];
+        self.position = self.position.wrapping_add(1);
+        Some(byte)
+    }
+
+    /// Whether [`next_text`](Transmission::next_text) has nothing more to give.
+    #[inline(always)]
+    pub const fn is_text_over(&self) -> bool {
+        self.position == self.len
+    }
+
     /// Whether [`next`](Transmission::next) has nothing more to give.
     #[inline(always)]
     pub const fn is_over(&self) -> bool {

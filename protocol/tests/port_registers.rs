@@ -47,15 +47,24 @@ fn whoever_is_wrong_is_told_what_would_be_right() {
     for (name, value, text) in [
         (
             "MODE",
-            3,
-            "MODE is 3, which is not in this version, must be 0 (master), 1 (slave) or 2 (off)",
+            4,
+            "MODE is 4, which is not in this version, must be 0 (master), 1 (slave), 2 (off) or 3 (sniffer)",
         ),
         (
             "MODE",
             5,
-            "MODE is 5, must be 0 (master), 1 (slave) or 2 (off)",
+            "MODE is 5, must be 0 (master), 1 (slave), 2 (off) or 3 (sniffer)",
         ),
-        ("FRAMING", 2, "FRAMING is 2, must be 0 (RTU) or 1 (ASCII)"),
+        (
+            "FRAMING",
+            2,
+            "FRAMING is 2, must be 0 (RTU) or 1 (ASCII) for a master or a slave",
+        ),
+        (
+            "FRAMING",
+            3,
+            "FRAMING is 3, must be 0 (RTU), 1 (ASCII) or 2 (text)",
+        ),
         ("BASE", 65_536, "BASE is 65536, must be 0..=65535"),
         (
             "BASE",
@@ -177,6 +186,20 @@ fn mode_and_slave_id_go_together() {
     load(port, "MODE", 1);
     assert_eq!(refused(port, "SLAVEID", 0), "SLAVEID is 0, must be 1..=247");
     assert_eq!(port.read(Register::SlaveId), Ok(247));
+}
+
+#[test]
+fn text_is_for_a_sniffer() {
+    let port = &mut plain();
+    load(port, "MODE", 3);
+    assert_eq!(load(port, "FRAMING", 2), Change::Line);
+    for mode in [0, 1] {
+        let text =
+            format!("MODE is {mode}, but FRAMING is 2 (text), must be 0 (RTU) or 1 (ASCII) first");
+        assert_eq!(refused(port, "MODE", mode), text);
+    }
+    load(port, "FRAMING", 0);
+    assert_eq!(load(port, "MODE", 1), Change::Mode);
 }
 
 #[test]

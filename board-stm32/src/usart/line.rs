@@ -1,5 +1,6 @@
 //! [`Line`] for a port: futures on what its interrupts leave in [`State`].
 
+use core::cell::Cell;
 use core::future::{Future, poll_fn};
 use core::marker::PhantomData;
 use core::task::{Context, Poll};
@@ -8,6 +9,7 @@ use embassy_stm32::interrupt;
 use embassy_stm32::pac::Interrupt;
 use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop_firmware::sniff::Ear;
 
 use super::registers;
 use super::settings::Settings;
@@ -59,6 +61,7 @@ pub(crate) fn on_alarm(port: usize) {
 /// The line of one port.
 pub struct Usart {
     port: u8,
+    ear: Cell<Option<&'static dyn Ear>>,
     /// Not to be used from an interrupt.
     _tasks: PhantomData<*const ()>,
 }
@@ -69,6 +72,7 @@ impl Usart {
     pub(crate) fn open(port: usize, settings: Settings, handshake: bool) -> Self {
         let line = Self {
             port: port as u8,
+            ear: Cell::new(None),
             _tasks: PhantomData,
         };
         line.with(|state| {
@@ -77,6 +81,12 @@ impl Usart {
             state.apply(settings);
         });
         line
+    }
+
+    /// The same, and `ear` is [shown](Line::show) the traffic.
+    pub fn shown_to(self, ear: &'static dyn Ear) -> Self {
+        self.ear.set(Some(ear));
+        self
     }
 
     /// With interrupts off.
@@ -116,6 +126,8 @@ impl Usart {
 }
 
 impl Line for Usart {
+    const SNIFFS: bool = true;
+
     async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
         let heard = poll_fn(|context| {
             self.with(|state| {
@@ -151,6 +163,12 @@ impl Line for Usart {
 
     fn set_delimiter(&self, delimiter: u8) {
         self.with(|state| state.set_delimiter(delimiter));
+    }
+
+    fn show(&self, seen: Result<&[u8], Flaws>) {
+        if let Some(ear) = self.ear.get() {
+            ear.hear(seen);
+        }
     }
 
     fn release(&self, len: u8) {

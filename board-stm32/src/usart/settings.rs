@@ -35,6 +35,7 @@ pub struct Settings {
     /// What is added to a byte that is sent, and must be in one that is received.
     pub(crate) mark: u8,
     pub(crate) is_ascii: bool,
+    pub(crate) is_text: bool,
     pub(crate) data_bits: u8,
     /// Ticks from the moment in which a character is taken from the USART to the end of the silence that
     /// completes a frame; in ASCII a fortieth of a second.
@@ -61,6 +62,7 @@ impl Settings {
         data: 0,
         mark: 0,
         is_ascii: false,
+        is_text: false,
         data_bits: 8,
         to_complete: 0,
         to_stand: 0,
@@ -83,7 +85,7 @@ impl Settings {
     pub const fn new(config: &LineConfig, clock_hz: u32, tick_hz: u32) -> Result<Self, LineError> {
         let (baud, format) = (config.baud, config.format);
         let is_ascii = matches!(config.framing, Framing::Ascii);
-        if !is_ascii && format.data_bits() != 8 {
+        if matches!(config.framing, Framing::Rtu) && format.data_bits() != 8 {
             return Err(LineError::Format(format));
         }
         let divisor = match baud::divisor(clock_hz, baud) {
@@ -117,6 +119,7 @@ impl Settings {
             data: bits.data,
             mark: bits.mark,
             is_ascii,
+            is_text: matches!(config.framing, Framing::Text),
             data_bits: format.data_bits(),
             to_complete: if is_ascii {
                 tick_hz.div_ceil(40)

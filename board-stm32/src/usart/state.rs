@@ -206,6 +206,11 @@ impl Wire for Chip {
     }
 
     #[inline(always)]
+    fn is_text(&self) -> bool {
+        self.settings.is_text
+    }
+
+    #[inline(always)]
     fn store(&mut self, at: u8, byte: u8) {
         // SAFETY: the machine says that the buffer is not lent.
         let adu = unsafe { &mut *ADUS[self.port].get() };

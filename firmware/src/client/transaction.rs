@@ -110,6 +110,8 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                     };
                     let encoded = encode(request, unit, frame.adu())?;
                     let function = frame.bytes()[1];
+                    self.line
+                        .show(Ok(&frame.bytes()[..usize::from(encoded.len)]));
                     frame.release(encoded.len);
                     let debt = self.exchange.owe(if encoded.answered {
                         self.config.timeout

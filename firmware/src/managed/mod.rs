@@ -2,7 +2,7 @@
 //!
 //! [`ManagedPort`] is what its two tasks share with the application: [`managed_receive`] takes frames from the
 //! line, [`managed_run`] does all else, one thing at a time: it answers as a slave, carries out what START has
-//! started as a master, and follows loads of MODE, SLAVEID and the settings of the line in between. So a
+//! started as a master, listens or prints as a [sniffer](crate::sniff), and follows loads of MODE, SLAVEID and the settings of the line in between. So a
 //! setting is never changed under a request, an answer or a transaction, and nothing of an old setting is on the
 //! wire with a new one.
 //!
@@ -47,6 +47,7 @@ use crate::client::{Client, ClientConfig, Exchange};
 use crate::config::{PortConfig, client_config, line_config};
 use crate::line::{Frame, Line, LineConfig, LineError};
 use crate::shared::Shared;
+use crate::sniff::Voice;
 
 /// Events that are kept for [`ManagedPort::event`]; the oldest is dropped for one more.
 pub const EVENTS: usize = 4;
@@ -78,6 +79,7 @@ pub struct ManagedPort<L: Line + 'static, P, D = Uncounted, const N: usize = 1> 
     work: Signal<NoopRawMutex, ()>,
     done: Signal<NoopRawMutex, Outcome>,
     events: Channel<NoopRawMutex, Outcome, EVENTS>,
+    voice: Option<&'static dyn Voice>,
 }
 
 impl<L, R, C, V> ManagedPort<L, PortRegisters<R, C, V>>
@@ -139,6 +141,15 @@ where
             work: Signal::new(),
             done: Signal::new(),
             events: Channel::new(),
+            voice: None,
+        }
+    }
+
+    /// The same with something to print while it is a sniffer with framing text.
+    pub fn voiced(self, voice: &'static dyn Voice) -> Self {
+        Self {
+            voice: Some(voice),
+            ..self
         }
     }
 
@@ -155,6 +166,13 @@ where
     /// [`Refused`]: names register, value, and what would be right. The old value is kept, and a
     /// transaction under way is untouched.
     pub fn load(&self, register: Register, value: u32) -> Result<(), Refused> {
+        if !L::SNIFFS && register == Register::Mode && value == Mode::Sniffer as u32 {
+            return Err(Refused {
+                register,
+                value,
+                reason: Reason::NoSniffer,
+            });
+        }
         self.registers.with(|registers| {
             let mode = registers.settings().mode;
             match registers.load_checked(register, value, &|line| self.check(mode, line))? {

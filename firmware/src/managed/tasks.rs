@@ -3,11 +3,13 @@
 use core::cell::Cell;
 use core::future::{Future, poll_fn};
 use core::pin::pin;
-use core::task::Poll;
+use core::task::{Poll, ready};
 
 use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
+use multidrop_protocol::format::Framing;
 use multidrop_protocol::port_registers::{Mode, PortRegisters, Status, Step, Transaction};
 use multidrop_protocol::registers::{Items, Rules};
+use multidrop_protocol::rtu::Flaws;
 use multidrop_protocol::server::{Diagnostics, Plan};
 
 use super::{Failure, ManagedPort, Outcome};
@@ -26,7 +28,16 @@ pub async fn managed_receive<L: Line, P, D: Diagnostics, const N: usize>(
     loop {
         let heard = port.line.receive().await;
         match (port.mode.get(), heard) {
-            (Mode::Master, heard) => port.exchange.offer(heard),
+            (Mode::Master, heard) => {
+                port.line.show(seen(&heard));
+                port.exchange.offer(heard);
+            }
+            (Mode::Sniffer, Ok(frame)) if L::SNIFFS && !port.prints() => {
+                port.requests.signal(frame)
+            }
+            (Mode::Sniffer, Err(flaws)) if L::SNIFFS && !port.prints() => {
+                port.line.show(Err(flaws))
+            }
             (Mode::Slave, Ok(frame)) if port.server.is_concerned(frame.unit()) => {
                 port.requests.signal(frame);
             }
@@ -70,8 +81,27 @@ where
         if let Some(started) = started {
             port.transact(started.transaction, started.times).await;
         } else if let Some(frame) = port.next().await {
-            port.answer(frame).await;
+            port.attend(frame).await;
         }
+    }
+}
+
+fn seen<'a, L: Line>(heard: &'a Result<Frame<'static, L>, Flaws>) -> Result<&'a [u8], Flaws> {
+    match heard {
+        Ok(frame) => Ok(&frame.bytes()[..usize::from(frame.request_len())]),
+        Err(flaws) => Err(*flaws),
+    }
+}
+
+impl<L: Line, P, D, const N: usize> ManagedPort<L, P, D, N> {
+    /// The mode is changed by the task that asks this.
+    fn is_sniffer(&self) -> bool {
+        L::SNIFFS && self.mode.get() == Mode::Sniffer
+    }
+
+    /// Whether it prints, as far as its line is concerned.
+    fn prints(&self) -> bool {
+        self.config.get().framing == Framing::Text
     }
 }
 
@@ -83,13 +113,22 @@ where
     V: Rules + 'static,
     D: Diagnostics,
 {
-    /// A request to answer, or `None` if something was loaded that is to be followed.
-    async fn next(&self) -> Option<Frame<'static, L>> {
+    /// A frame to attend to, or `None` if something was loaded that is to be followed.
+    async fn next(&'static self) -> Option<Frame<'static, L>> {
         poll_fn(|context| {
             if let Poll::Ready(frame) = pin!(self.requests.wait()).poll(context) {
                 return Poll::Ready(Some(frame));
             }
-            pin!(self.work.wait()).poll(context).map(|()| None)
+            if pin!(self.work.wait()).poll(context).is_ready() {
+                return Poll::Ready(None);
+            }
+            match self.voice {
+                Some(voice) if self.is_sniffer() && self.prints() => {
+                    ready!(voice.poll_text(context));
+                    pin!(self.line.lend()).poll(context).map(Some)
+                }
+                _ => Poll::Pending,
+            }
         })
         .await
     }
@@ -117,18 +156,37 @@ where
         }
     }
 
-    /// As [`serve`](crate::serve()) does.
-    async fn answer(&self, mut frame: Frame<'static, L>) {
+    /// A request is answered, as [`serve`](crate::serve()) does. A sniffer shows a frame that stands, and what does not
+    /// is heard again as a damaged one; or it prints some text. These are not functions of their own so that
+    /// they cost nothing where there is no sniffer.
+    async fn attend(&self, mut frame: Frame<'static, L>) {
         let request_len = frame.request_len();
-        let plan = self
-            .registers
-            .with(|registers| self.server.prepare(registers, frame.adu(), request_len));
-        let early = plan.answer_at_once::<PortRegisters<R, C, V>>();
+        let listens = self.is_sniffer() && request_len > 0;
+        let mut plan = Plan::Ignore;
+        let mut early = 0;
+        if !self.is_sniffer() {
+            plan = self
+                .registers
+                .with(|registers| self.server.prepare(registers, frame.adu(), request_len));
+            early = plan.answer_at_once::<PortRegisters<R, C, V>>();
+        } else if let Some(voice) = self.voice
+            && !listens
+        {
+            early = voice.text(frame.adu());
+        }
         if early > 0 {
             frame.release(early);
         }
-        if D::COUNTS || matches!(plan, Plan::Write { .. } | Plan::Call) {
+        if listens
+            || D::COUNTS && !self.is_sniffer()
+            || matches!(plan, Plan::Write { .. } | Plan::Call)
+        {
             if !frame.settle().await {
+                return;
+            }
+            if listens {
+                self.line
+                    .show(Ok(&frame.bytes()[..usize::from(request_len)]));
                 return;
             }
             let late = self.registers.with(|registers| {
@@ -139,8 +197,14 @@ where
                 frame.release(late);
             }
         }
-        frame.sent().await;
-        if D::COUNTS {
+        let sent = frame.sent().await;
+        if self.is_sniffer() {
+            if let Some(voice) = self.voice
+                && sent
+            {
+                voice.spoken(early);
+            }
+        } else if D::COUNTS {
             self.line.set_delimiter(self.server.delimiter());
         }
     }

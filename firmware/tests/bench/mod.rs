@@ -15,6 +15,7 @@ use embassy_time::{Duration, MockDriver};
 use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::format::Framing;
 use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop_firmware::sniff::Ear;
 
 /// Ms from a frame's end to the verdict over it, and that a frame takes on the wire.
 const SETTLES: u64 = 1;
@@ -46,6 +47,8 @@ pub struct Wire {
     released: Cell<u8>,
     /// Ms that it takes to set the line up.
     pub configures: Cell<u64>,
+    /// Who looks at the line.
+    pub ear: Cell<Option<&'static dyn Ear>>,
     pub log: RefCell<Vec<Event>>,
     peer: RefCell<Option<Peer>>,
     receiver: RefCell<Vec<Waker>>,
@@ -74,6 +77,7 @@ impl Wire {
             sending: RefCell::default(),
             released: Cell::new(0),
             configures: Cell::new(0),
+            ear: Cell::new(None),
             log: RefCell::default(),
             peer: RefCell::default(),
             receiver: RefCell::default(),
@@ -148,6 +152,8 @@ impl Wire {
 }
 
 impl Line for TestLine {
+    const SNIFFS: bool = true;
+
     fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
         poll_fn(|context| {
             self.0.receiver.borrow_mut().push(context.waker().clone());
@@ -209,8 +215,14 @@ impl Line for TestLine {
 
     fn set_delimiter(&self, _: u8) {}
 
+    fn show(&self, seen: Result<&[u8], Flaws>) {
+        if let Some(ear) = self.0.ear.get() {
+            ear.hear(seen);
+        }
+    }
+
     fn release(&self, len: u8) {
-        assert!((2..=254).contains(&len), "length {len}");
+        assert!((1..=254).contains(&len), "length {len}");
         self.0.released.set(len);
         if self.0.verdict.get() == Some(true) {
             self.0.start();

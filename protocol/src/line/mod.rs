@@ -324,7 +324,9 @@ impl LineMachine {
     /// The transmitter takes another byte.
     #[inline(always)]
     pub fn on_ready<W: Wire>(&mut self, wire: &mut W) {
-        let next = if let Some(ascii) = wire.ascii() {
+        let next = if wire.is_text() {
+            self.transmission.next_text(wire.adu())
+        } else if let Some(ascii) = wire.ascii() {
             let position = ascii.transmission.position();
             let byte = wire.adu()[usize::from(position)];
             wire.ascii().and_then(|ascii| ascii.transmission.next(byte))
@@ -343,6 +345,9 @@ impl LineMachine {
     /// Whether the transmitter has been given all there is.
     #[inline(always)]
     fn is_over<W: Wire>(&self, wire: &mut W) -> bool {
+        if wire.is_text() {
+            return self.transmission.is_text_over();
+        }
         match wire.ascii() {
             Some(ascii) => ascii.transmission.is_over(),
             None => self.transmission.is_over(),

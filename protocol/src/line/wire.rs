@@ -29,6 +29,12 @@ pub trait Wire {
     fn ascii(&mut self) -> Option<&mut Ascii> {
         None
     }
+    /// Whether what is sent are bytes without a check ([`Framing::Text`](crate::format::Framing::Text)). A driver that never
+    /// does so has nothing to do.
+    #[inline(always)]
+    fn is_text(&self) -> bool {
+        false
+    }
     /// Stores a byte of an ASCII frame in the buffer, which is not lent.
     #[inline(always)]
     fn store(&mut self, at: u8, byte: u8) {

@@ -79,9 +79,13 @@ where
                     0 => Mode::Master,
                     1 => Mode::Slave,
                     2 => Mode::Off,
-                    3 | 4 => return Err(Reason::NotYet),
+                    3 => Mode::Sniffer,
+                    4 => return Err(Reason::NotYet),
                     _ => return Err(Reason::Choice),
                 };
+                if mode.talks() && old.framing == Framing::Text {
+                    return Err(Reason::Text);
+                }
                 if mode == Mode::Slave && self.settings.slave_id == 0 {
                     return Err(Reason::SlaveZero);
                 }
@@ -184,6 +188,8 @@ where
                 let framing = match value {
                     0 => Framing::Rtu,
                     1 => Framing::Ascii,
+                    2 if self.settings.mode.talks() => return Err(Reason::Text),
+                    2 => Framing::Text,
                     _ => return Err(Reason::Choice),
                 };
                 LineSettings { framing, ..*old }
@@ -310,6 +316,7 @@ where
             Register::Framing => match line.framing {
                 Framing::Rtu => 0,
                 Framing::Ascii => 1,
+                Framing::Text => 2,
             },
             Register::Base => self.settings.base.into(),
             Register::Regs(index) => {

@@ -44,10 +44,14 @@ pub enum Reason {
     SlaveZero,
     /// Seven data bits are for ASCII.
     SevenBits,
+    /// Framing text is for a sniffer.
+    Text,
     /// The clock does not make this rate within 2.5 %; the nearest it does make.
     Baud(u32),
     /// The chip does not have it.
     Chip,
+    /// The line was built without a sniffer.
+    NoSniffer,
     /// The line was built without this framing.
     Framing(Framing),
     /// It is not how the port is wired.
@@ -114,6 +118,15 @@ impl fmt::Display for Refused {
                 Register::Framing => write!(f, "but FORMAT has 7 data bits, must have 8 for RTU"),
                 _ => write!(f, "must be 8N1 (0), 8E1 (1), 8O1 (2) or 8N2 (3) for RTU"),
             },
+            Reason::Text => match register {
+                Register::Mode => {
+                    write!(
+                        f,
+                        "but FRAMING is 2 (text), must be 0 (RTU) or 1 (ASCII) first"
+                    )
+                }
+                _ => write!(f, "must be 0 (RTU) or 1 (ASCII) for a master or a slave"),
+            },
             Reason::Baud(nearest) => write!(
                 f,
                 "the clock does not make it within 2.5 %, nearest is {nearest}"
@@ -121,6 +134,8 @@ impl fmt::Display for Refused {
             Reason::Chip => write!(f, "the chip does not have it"),
             Reason::Framing(Framing::Rtu) => write!(f, "the line was built without RTU"),
             Reason::Framing(Framing::Ascii) => write!(f, "the line was built without ASCII"),
+            Reason::NoSniffer => write!(f, "the line was built without a sniffer"),
+            Reason::Framing(Framing::Text) => write!(f, "the line was built without text"),
             Reason::Wiring => write!(f, "must be {}: the port is wired so", 1 - value.min(1)),
             Reason::NotMaster => write!(f, "must be 0 (master) for START"),
             Reason::Index(_) | Reason::ReadOnly | Reason::Running => Ok(()),
@@ -132,8 +147,8 @@ impl core::error::Error for Refused {}
 
 fn choices(register: Register) -> &'static str {
     match register {
-        Register::Mode => "0 (master), 1 (slave) or 2 (off)",
-        Register::Framing => "0 (RTU) or 1 (ASCII)",
+        Register::Mode => "0 (master), 1 (slave), 2 (off) or 3 (sniffer)",
+        Register::Framing => "0 (RTU), 1 (ASCII) or 2 (text)",
         Register::Func => {
             "1, 2, 3, 4, 5, 6, 15, 16 or 23; other functions are methods of the client"
         }

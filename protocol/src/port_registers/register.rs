@@ -6,8 +6,8 @@ use core::fmt;
 ///
 /// | register | values |
 /// |---|---|
-/// | MODE | 0 master, 1 slave, 2 off; 3 sniffer and 4 sensor node are not in this version |
-/// | FRAMING | 0 RTU, 1 ASCII |
+/// | MODE | 0 master, 1 slave, 2 off, 3 sniffer; 4 sensor node is not in this version |
+/// | FRAMING | 0 RTU, 1 ASCII, 2 text: a sniffer that prints |
 /// | BASE | 0..=65535, address of the first item of dense REGS and COILS |
 /// | REGS, COILS | the items: 0..=65535; 0 and 1, 255 too for on |
 /// | SLAVEID | slave 1..=247; master 0..=247, 0 for a broadcast |

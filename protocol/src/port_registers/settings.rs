@@ -12,6 +12,8 @@ pub enum Mode {
     Slave = 1,
     /// It does neither, and leaves the bus alone.
     Off = 2,
+    /// It listens to others, or with framing text prints what another port hears; it never asks or answers.
+    Sniffer = 3,
 }
 
 /// How the wires of a port are used.
@@ -39,7 +41,7 @@ pub enum Flow {
 pub struct LineSettings {
     /// Bits per second.
     pub baud: u32,
-    /// RTU or ASCII.
+    /// RTU, ASCII, or text.
     pub framing: Framing,
     /// Data bits, parity and stop bits.
     pub format: LineFormat,
@@ -68,6 +70,13 @@ pub struct Settings {
     pub turnaround_ms: u16,
     /// BAUD, FRAMING, FORMAT, DUPLEX, FLOW, INTER_CHARACTER.
     pub line: LineSettings,
+}
+
+impl Mode {
+    /// Whether it takes part in transactions, for which [`Framing::Text`] is of no use.
+    pub const fn talks(self) -> bool {
+        matches!(self, Mode::Master | Mode::Slave)
+    }
 }
 
 impl Settings {

@@ -244,11 +244,16 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Judge<R, C, V> {
         let dense_end = |len: usize, dense: bool| !dense || value + len as u32 <= 65_536;
         match name {
             "MODE" => match value {
-                1 => self.get("SLAVEID") != 0,
-                _ => value == 0 || value == 2,
+                0 => self.get("FRAMING") != 2,
+                1 => self.get("FRAMING") != 2 && self.get("SLAVEID") != 0,
+                _ => value == 2 || value == 3,
             },
-            "FRAMING" => value == 1 || value == 0 && self.get("FORMAT") < 4,
-            "FORMAT" => value < if self.get("FRAMING") == 1 { 7 } else { 4 },
+            "FRAMING" => match value {
+                0 => self.get("FORMAT") < 4,
+                1 => true,
+                _ => value == 2 && self.get("MODE") >= 2,
+            },
+            "FORMAT" => value < if self.get("FRAMING") == 0 { 4 } else { 7 },
             "BASE" => {
                 value < 65_536
                     && dense_end(self.shape.regs_len, self.shape.regs.is_none())

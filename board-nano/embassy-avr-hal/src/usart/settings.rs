@@ -86,14 +86,14 @@ impl<F: Framings> Settings<F> {
     /// up, and the least that the interrupts need is taken off: no interval is ever cut short.
     ///
     /// # Errors
-    /// [`LineError::Framing`] for ASCII on a line that has none; [`LineError::Format`] for RTU with seven
+    /// [`LineError::Framing`] for ASCII on a line that has none, and for text; [`LineError::Format`] for RTU with seven
     /// data bits; [`LineError::Baud`] for a rate that is off by
     /// more than 2.5 % or so slow that t3.5 exceeds the 16 bits of the timer (below 1400 baud at 16 MHz).
     pub const fn new(config: &LineConfig, clock_hz: u32) -> Result<Self, LineError> {
         let tick_hz = clock_hz / PRESCALER;
         let (baud, format) = (config.baud, config.format);
         let is_ascii = matches!(config.framing, Framing::Ascii);
-        if is_ascii && !F::ASCII {
+        if is_ascii && !F::ASCII || matches!(config.framing, Framing::Text) {
             return Err(LineError::Framing(config.framing));
         }
         if !is_ascii && format.data_bits() != 8 {

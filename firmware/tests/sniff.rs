@@ -1,0 +1,229 @@
+//! A port that listens, and one that prints what it hears. Frames and lines of text are put together here.
+
+#[allow(dead_code, reason = "each test binary uses a part")]
+mod bench;
+
+use bench::{Bench, Event, TestLine, Wire};
+use multidrop_firmware::PortConfig;
+use multidrop_firmware::managed::{ManagedPort, managed_receive, managed_run};
+use multidrop_firmware::protocol::format::Framing;
+use multidrop_firmware::protocol::port_registers::{Mode, PortRegisters, Register};
+use multidrop_firmware::protocol::registers::{Bank, CoilBank, NoRules};
+use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop_firmware::sniff::{Seen, Tap};
+
+const RS4: PortConfig = PortConfig::new("RS4")
+    .mode(Mode::Sniffer)
+    .baud(38_400)
+    .timeout_ms(100);
+const RS2: PortConfig = PortConfig::new("RS2")
+    .mode(Mode::Sniffer)
+    .framing(Framing::Text)
+    .baud(115_200);
+
+type Port = ManagedPort<TestLine, PortRegisters<Bank<10>, CoilBank<2>, NoRules>>;
+
+struct Setup {
+    heard: &'static Wire,
+    printed: &'static Wire,
+    rs4: &'static Port,
+    rs2: &'static Port,
+    tap: &'static Tap<384>,
+}
+
+/// A port that listens, and one that prints it.
+fn setup(bench: &mut Bench<'_>) -> Setup {
+    let tap: &'static Tap<384> = Box::leak(Box::new(Tap::new()));
+    let mut open = |config: PortConfig, prints: bool| {
+        let wire = Wire::new(config.line());
+        let port = Port::new(TestLine(wire), &config, Bank::new(0), CoilBank::new(0, 16));
+        let port = if prints { port.voiced(tap) } else { port };
+        let port: &'static Port = Box::leak(Box::new(port));
+        bench.wire(wire);
+        bench.spawn(async move { managed_receive(port).await });
+        bench.spawn(async move { managed_run(port).await });
+        (wire, port)
+    };
+    let (heard, rs4) = open(RS4, false);
+    let (printed, rs2) = open(RS2, true);
+    heard.ear.set(Some(tap));
+    bench.poll();
+    Setup {
+        heard,
+        printed,
+        rs4,
+        rs2,
+        tap,
+    }
+}
+
+/// What was printed.
+fn text(wire: &Wire) -> String {
+    String::from_utf8(wire.sent().concat()).unwrap()
+}
+
+/// The same without times.
+fn lines(wire: &Wire) -> Vec<String> {
+    let text = text(wire);
+    let lines = text.split_terminator("\r\n");
+    lines
+        .map(|line| line.split_once(' ').unwrap().1.to_owned())
+        .collect()
+}
+
+#[test]
+fn requests_answers_and_damaged_frames_are_printed_with_their_times() {
+    let mut bench = Bench::new();
+    let setup = setup(&mut bench);
+    let frames = [
+        Ok(vec![17, 3, 0, 0x6B, 0, 1]),
+        Ok(vec![17, 3, 2, 0xAB, 0xCD]),
+        Ok(vec![18, 3, 0, 0, 0, 1]),
+        Err(Flaws::CHECK | Flaws::GAP),
+        Ok(vec![18, 0x83, 2]),
+    ];
+    for frame in frames {
+        setup.heard.hear(frame);
+        bench.run(10);
+    }
+    bench.run(20);
+    assert_eq!(
+        text(setup.printed),
+        "0.002000 req 11 03 00 6B 00 01\r\n\
+         0.012000 ans 11 03 02 AB CD\r\n\
+         0.022000 req 12 03 00 00 00 01\r\n\
+         0.031000 bad gap check\r\n\
+         0.042000 exc 12 83 02\r\n"
+    );
+    let heard = setup.tap.heard();
+    assert_eq!(
+        (
+            heard.requests,
+            heard.answers,
+            heard.exceptions,
+            heard.damaged
+        ),
+        (2, 1, 1, 1)
+    );
+    assert!(setup.heard.sent().is_empty(), "a sniffer does not talk");
+    assert_eq!(setup.tap.dropped(), 0);
+}
+
+#[test]
+fn the_longest_frame_goes_out_in_pieces_and_whole() {
+    let mut bench = Bench::new();
+    let setup = setup(&mut bench);
+    // Lines of all lengths, those among them that leave one character for the last piece.
+    for len in [2, 80, 81, 82, 165, 166, 167, 250, 251, 252, 253, 254] {
+        // No unit answers another.
+        let frame: Vec<u8> = (0..len).map(|byte| (byte ^ len) as u8).collect();
+        setup.heard.hear(Ok(frame.clone()));
+        bench.run(60);
+        let hex: String = frame.iter().map(|byte| format!(" {byte:02X}")).collect();
+        assert_eq!(lines(setup.printed).pop(), Some(format!("req{hex}")));
+    }
+}
+
+#[test]
+fn what_finds_no_room_is_counted_and_the_rest_is_whole() {
+    let mut bench = Bench::new();
+    let setup = setup(&mut bench);
+    for place in 0..100 {
+        setup.heard.hear(Ok(vec![17, 6, 0, place, 0, 0]));
+        // One goes out each 5 ms, two come.
+        bench.run(2);
+    }
+    bench.run(300);
+    let lines = lines(setup.printed);
+    assert_eq!(lines.len() as u32 + setup.tap.dropped(), 100);
+    assert!(setup.tap.dropped() > 10 && lines.len() > 40);
+    for line in lines {
+        assert!(line.starts_with("req 11 06 00 ") || line.starts_with("ans 11 06 00 "));
+        assert_eq!(line.len(), 21);
+    }
+}
+
+#[test]
+fn a_master_shows_what_it_asks_and_what_it_hears() {
+    let mut bench = Bench::new();
+    let setup = setup(&mut bench);
+    setup.rs4.load(Register::Mode, 0).unwrap();
+    let answers = [
+        vec![],
+        vec![(3, Err(Flaws::CHECK))],
+        vec![(3, Ok(vec![1, 3, 2, 0, 7]))],
+    ];
+    for answer in answers {
+        setup.heard.answered_by(move |_| answer.clone());
+        setup.rs4.start().unwrap();
+        bench.run(130);
+    }
+    assert_eq!(
+        lines(setup.printed),
+        [
+            "req 01 03 00 00 00 01",
+            "req 01 03 00 00 00 01",
+            "bad check",
+            "req 01 03 00 00 00 01",
+            "ans 01 03 02 00 07"
+        ]
+    );
+    assert_eq!(setup.tap.heard().unanswered, 2);
+}
+
+#[test]
+fn a_port_that_prints_follows_what_is_loaded() {
+    let mut bench = Bench::new();
+    let setup = setup(&mut bench);
+    for round in 0..20 {
+        setup.heard.hear(Ok(vec![17, 6, 0, round, 0, 0]));
+        bench.run(u64::from(round) % 7);
+        setup
+            .rs2
+            .load(Register::Baud, 9600 + u32::from(round))
+            .unwrap();
+        bench.run(13);
+    }
+    assert_eq!(lines(setup.printed).len(), 20);
+    let configured = |event: &&Event| matches!(event, Event::Configured(_));
+    assert_eq!(
+        setup.printed.log.borrow().iter().filter(configured).count(),
+        20
+    );
+    // As a slave it answers, and prints no more.
+    setup.rs2.load(Register::Framing, 0).unwrap();
+    setup.rs2.load(Register::Mode, 1).unwrap();
+    bench.run(2);
+    setup.heard.hear(Ok(vec![17, 6, 0, 1, 0, 0]));
+    setup.printed.hear(Ok(vec![1, 3, 0, 0, 0, 1]));
+    bench.run(20);
+    assert_eq!(setup.printed.sent()[20..], [vec![1, 3, 2, 0, 0]]);
+}
+
+#[test]
+fn the_application_may_take_them_itself() {
+    let mut bench = Bench::new();
+    let setup = setup(&mut bench);
+    setup.rs2.load(Register::Mode, 2).unwrap();
+    bench.run(1);
+    let first = bench.ask(setup.tap.next(|time, seen| {
+        let Seen::Frame(direction, frame) = seen else {
+            panic!("{seen:?}");
+        };
+        (time, format!("{direction:?}"), frame.to_vec())
+    }));
+    bench.run(5);
+    assert!(first.borrow().is_none());
+    setup.heard.hear(Ok(vec![17, 3, 0, 0, 0, 1]));
+    bench.run(5);
+    let expected = (8_000, "Request".to_owned(), vec![17, 3, 0, 0, 0, 1]);
+    assert_eq!(first.take(), Some(expected));
+    setup.heard.hear(Err(Flaws::PARITY));
+    bench.run(5);
+    let second = bench.ask(
+        setup
+            .tap
+            .next(|_, seen| seen == Seen::Damaged(Flaws::PARITY)),
+    );
+    assert_eq!(second.take(), Some(true));
+}

@@ -135,7 +135,11 @@ where
             server: Server::with(config.unit().max(1), diagnostics),
             exchange: Exchange::new(),
             requests: Signal::new(),
-            mode: Cell::new(Mode::Off),
+            // A client that asks before the run task has begun is answered too.
+            mode: Cell::new(match settings.mode {
+                Mode::Master => Mode::Master,
+                _ => Mode::Off,
+            }),
             config: Cell::new(config.line()),
             started: Cell::new(None),
             work: Signal::new(),

@@ -79,18 +79,20 @@ fn a_wrong_command_word() {
 
 #[test]
 fn a_wrong_board() {
-    refused("board", &["build", "uno", "registers"], &["uno", "nano"]);
-    let later = ["board-stm32 is not in this version", "nano"];
-    refused("board", &["build", "stm32", "registers"], &later);
+    let boards = ["uno", "nano", "stm32"];
+    refused("board", &["build", "uno", "registers"], &boards);
 }
 
 #[test]
 fn a_wrong_application() {
     let applications = ["blink", "demo-unit", "registers"];
     refused("app", &["build", "nano", "blink"], &applications);
-    let later = ["ports is not in this version", "demo-unit"];
+    let later = ["nano has no application ports", "demo-unit"];
     refused("app", &["build", "nano", "ports"], &later);
     assert_no_image("nano-ports");
+    let other = ["stm32 has no application relay-panel", "demo-unit"];
+    refused("app", &["build", "stm32", "relay-panel"], &other);
+    assert_no_image("stm32-relay-panel");
 }
 
 #[test]

@@ -126,8 +126,8 @@ async fn poll(panel: &'static Panel) -> ! {
 async fn press(panel: &'static Panel) -> ! {
     loop {
         let pressed = panel.pressed.wait().await;
-        for relay in 0..COUNT {
-            if pressed[relay] {
+        for (relay, pressed) in pressed.into_iter().enumerate() {
+            if pressed {
                 panel.tell(panel.toggle(relay).await);
             }
         }
@@ -155,8 +155,8 @@ async fn buttons(panel: &'static Panel, mut first: Input<PD3>, mut second: Input
         before = level;
         if pressed.contains(&true) {
             if let Some(waiting) = panel.pressed.try_take() {
-                for relay in 0..COUNT {
-                    pressed[relay] |= waiting[relay];
+                for (pressed, waiting) in pressed.iter_mut().zip(waiting) {
+                    *pressed |= waiting;
                 }
             }
             panel.pressed.signal(pressed);

@@ -9,7 +9,7 @@
 //! let router = ROUTER.init(Router::new(routes));
 //! spawner.spawn(receive(as1, router).unwrap()); // receive_and_route(port, router).await
 //! spawner.spawn(serve(as1).unwrap());           // the port's own unit is served as ever
-//! spawner.spawn(route(as1, router).unwrap());   // route(port, router).await
+//! spawner.spawn(route(as1, router).unwrap());   // route(port.line(), router).await
 //! ```
 //!
 //! # What the asker is told

@@ -42,7 +42,7 @@ impl Board {
                 App::RelayBoard,
                 App::ClientFunctions,
             ],
-            Self::Stm32 => &[App::DemoUnit, App::Registers, App::Conformance],
+            Self::Stm32 => &[App::DemoUnit, App::Registers, App::Conformance, App::Ports],
         }
     }
 }
@@ -72,8 +72,7 @@ pub enum App {
     /// A client that asks every function once, for tests
     #[value(hide = true)]
     ClientFunctions,
-    /// Four ports at once
-    #[value(hide = true)]
+    /// Four ports at once: master, two slaves, sniffer
     Ports,
 }
 
@@ -191,6 +190,11 @@ impl Image {
                 "--count: {} has tables of its own; only registers takes a count",
                 word(app)
             )));
+        }
+        if app == App::Ports && (options.baud.is_some() || options.format.is_some()) {
+            return Err(Error::usage(
+                "--baud, --format: ports has four lines, which are set at run time; see its source",
+            ));
         }
         if options.ascii && !app.has_ascii() {
             return Err(Error::usage(format!(

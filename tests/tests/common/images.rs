@@ -96,6 +96,11 @@ pub fn conformance(board: Board, way: Way, line: Line) -> PathBuf {
     for_line(name, "conformance", fixed, line, default)
 }
 
+/// The image of `ports`, for QEMU.
+pub fn ports() -> PathBuf {
+    board_image("stm32", "ports", &["--qemu"])
+}
+
 /// With what differs from the line that the application has by itself.
 fn for_line(board: &str, app: &str, options: Vec<&str>, line: Line, default: Line) -> PathBuf {
     let mut options = options;

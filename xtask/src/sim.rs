@@ -30,20 +30,20 @@ pub enum Scenario {
     /// The sensor-node protocol
     #[value(hide = true)]
     SensorNodes,
-    /// An STM32 as master of three Nanos
-    #[value(hide = true)]
+    /// An STM32 with four ports, master of three Nanos on RS4; the pseudo terminal is on AS1
     Mixed,
 }
 
 impl Scenario {
     /// Those that can be run.
-    const BUILT: [Self; 6] = [
+    const BUILT: [Self; 7] = [
         Self::DemoUnit,
         Self::Registers,
         Self::NanoConformance,
         Self::Stm32Conformance,
         Self::RelayPanel,
         Self::ClientFunctions,
+        Self::Mixed,
     ];
 
     /// The images of the nodes, in the order of their places on the bus.
@@ -85,6 +85,15 @@ impl Scenario {
                     nano(App::DemoUnit, Options { unit, ..options })
                 })
                 .collect(),
+            Self::Mixed => {
+                let qemu = Options {
+                    qemu: true,
+                    ..options
+                };
+                let mut images = Self::DemoUnit.images(line)?;
+                images.push(Image::new(Board::Stm32, App::Ports, qemu)?);
+                Ok(images)
+            }
             Self::RelayPanel => [App::RelayPanel, App::RelayBoard]
                 .into_iter()
                 .map(|app| nano(app, options))
@@ -220,10 +229,20 @@ mod tests {
             stems(Scenario::RelayPanel),
             ["nano-relay-panel", "nano-relay-board"]
         );
-        let error = Scenario::Mixed.images(LineOptions::default());
+        assert_eq!(
+            stems(Scenario::Mixed),
+            [
+                "nano-demo-unit-unit1",
+                "nano-demo-unit-unit2",
+                "nano-demo-unit-unit3",
+                "stm32-ports-qemu"
+            ]
+        );
+        let error = Scenario::SensorNodes.images(LineOptions::default());
         let error = error.expect_err("not there yet");
         assert_eq!(error.code(), 2);
-        assert!(error.message().contains("mixed is not in this version"));
+        let said = "sensor-nodes is not in this version";
+        assert!(error.message().contains(said));
     }
 
     #[test]

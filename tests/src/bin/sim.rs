@@ -58,6 +58,8 @@ enum Scenario {
     Stm32Conformance,
     /// A Nano that is a client
     ClientFunctions,
+    /// An STM32 with four ports, master of three Nanos on RS4; the serial port is on AS1
+    Mixed,
 }
 
 impl Scenario {
@@ -74,6 +76,12 @@ impl Scenario {
             Scenario::NanoConformance => &["nano-conformance.elf"],
             Scenario::Stm32Conformance => &["stm32-conformance-qemu.elf"],
             Scenario::ClientFunctions => &["nano-client-functions.elf"],
+            Scenario::Mixed => &[
+                "nano-demo-unit-unit1.elf",
+                "nano-demo-unit-unit2.elf",
+                "nano-demo-unit-unit3.elf",
+                "stm32-ports-qemu.elf",
+            ],
         }
     }
 }
@@ -166,13 +174,23 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
         format: arguments.format,
     };
     let mut bus = Bus::new(BusConfig::default());
+    // The wire of the client; RS4 is on that of the Nanos.
+    let mut wire = WireId::default();
     for (index, image) in images(arguments)?.into_iter().enumerate() {
-        if arguments.scenario == Scenario::Stm32Conformance {
+        let wires = match (arguments.scenario, index) {
+            (Scenario::Stm32Conformance, _) => Some([None; 3]),
+            (Scenario::Mixed, 3) => {
+                wire = bus.add_wire();
+                Some([Some(wire), Some(bus.add_wire()), Some(bus.add_wire())])
+            }
+            _ => None,
+        };
+        if let Some([as1, as2, rs2]) = wires {
             bus.add_stm32(Stm32 {
                 name: "stm32".to_owned(),
                 image,
                 plugin: barrier()?,
-                wires: [None, None, None, Some(WireId::default())],
+                wires: [as1, as2, rs2, Some(WireId::default())],
             })?;
             continue;
         }
@@ -181,8 +199,8 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
         bus.add_nano(nano)?;
     }
     let panel = bus.nodes().next().map(|(id, _)| id);
-    let client = bus.add_host(HostPort::new(line));
-    let injector = bus.add_host(HostPort::new(line));
+    let client = bus.add_host_on(wire, HostPort::new(line));
+    let injector = bus.add_host_on(wire, HostPort::new(line));
     bus.run_for(BOOT);
 
     let mut live = Live::new(bus, client, &arguments.link)?;

@@ -1,0 +1,78 @@
+//! The scenario `mixed`: a PC on AS1 of the STM32, the Nanos behind RS4.
+
+mod common;
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+use common::frames::{be, data, words};
+
+/// The bus, ended with the test.
+struct Sim(Child);
+
+impl Drop for Sim {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Asks; `len` bytes come back, or the bus ends.
+fn ask(terminal: &mut File, request: &[u8], len: usize) -> Vec<u8> {
+    terminal.write_all(request).expect("written");
+    let mut answer = vec![0; len];
+    terminal.read_exact(&mut answer).expect("an answer");
+    answer
+}
+
+#[test]
+fn a_pc_reads_what_was_collected_and_reaches_the_nanos() {
+    let mut images: Vec<PathBuf> = ["1", "2", "3"]
+        .iter()
+        .map(|unit| common::image("demo-unit", &["--unit", unit]))
+        .collect();
+    images.push(common::ports());
+    let link =
+        PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("mixed-{}", std::process::id()));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sim"));
+    command
+        .args(["mixed", "--seconds", "60", "--link"])
+        .arg(&link);
+    for image in &images {
+        command.arg("--image").arg(image);
+    }
+    let mut sim = Sim(command.stdout(Stdio::piped()).spawn().expect("sim runs"));
+    let mut ready = String::new();
+    let stdout = sim.0.stdout.take().expect("piped");
+    BufReader::new(stdout)
+        .read_line(&mut ready)
+        .expect("a line");
+    assert!(ready.starts_with("ready: "), "{ready}");
+
+    let mut terminal = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .open(&link)
+        .expect("the terminal");
+    for unit in 1..=3_u8 {
+        let value = 0x1100 * u16::from(unit);
+        let write = words(unit, 6, 0, value);
+        assert_eq!(ask(&mut terminal, &write, write.len()), write);
+        let read = ask(&mut terminal, &words(unit, 3, 0, 1), 7);
+        assert_eq!(read, data(unit, 3, &be(&[value])));
+    }
+    // The polls see it within their period.
+    let expected = data(10, 4, &be(&[0x1100, 0x2200, 0x3300]));
+    let mut told = Vec::new();
+    for _ in 0..20 {
+        told = ask(&mut terminal, &words(10, 4, 0, 3), expected.len());
+        if told == expected {
+            break;
+        }
+    }
+    assert_eq!(told, expected);
+    let failed = ask(&mut terminal, &words(10, 4, 6, 4), 13);
+    assert_eq!(failed, data(10, 4, &be(&[0; 4])));
+}

@@ -177,8 +177,8 @@ fn four_ports_at_once_for_30_s_one_of_them_changed_each_second() {
                 rounds += 1;
                 let place = usize::from(rounds / 2 % 3);
                 let to = place as u8 + 1;
-                let (request, answer) = if rounds % 2 == 0 {
-                    units[place] = rounds.wrapping_mul(2_654_1);
+                let (request, answer) = if rounds.is_multiple_of(2) {
+                    units[place] = rounds.wrapping_mul(26_541);
                     let request = words(to, 6, 0, units[place]);
                     (request.clone(), request)
                 } else {
@@ -222,7 +222,7 @@ fn four_ports_at_once_for_30_s_one_of_them_changed_each_second() {
             let place = usize::from(asked / 2 % 16);
             let mut body = vec![unit, 3, 0, place as u8, 0, 1];
             let mut answer = vec![unit, 3, 2];
-            if asked % 2 == 0 {
+            if asked.is_multiple_of(2) {
                 cells[place] = asked.wrapping_mul(40_503);
                 body[1] = 6;
                 body[4..].copy_from_slice(&cells[place].to_be_bytes());

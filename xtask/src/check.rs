@@ -162,6 +162,7 @@ fn all_images() -> Vec<Image> {
         (Scenario::NanoConformance, LineOptions::default()),
         (Scenario::NanoConformance, ascii),
         (Scenario::Stm32Conformance, LineOptions::default()),
+        (Scenario::Mixed, LineOptions::default()),
         (Scenario::ClientFunctions, LineOptions::default()),
         (Scenario::ClientFunctions, ascii),
     ] {

@@ -90,7 +90,7 @@ fn setting(address: u16) -> Result<(usize, Register, bool), Exception> {
     let register = register.and_then(|number| Register::from_number(number, 0));
     match register {
         Some(register) if usize::from(port) < PORTS.len() && register.index().is_none() => {
-            Ok((port.into(), register, word % 2 != 0))
+            Ok((port.into(), register, !word.is_multiple_of(2)))
         }
         _ => Err(Exception::IllegalDataAddress),
     }

@@ -11,7 +11,7 @@ use std::process::Command;
 pub const PACKAGE: &str = "qemu-system-arm";
 
 /// The first version whose STM32F405 has what its clock control needs, and the interface that the barrier uses.
-const VERSION_MIN: u32 = 10;
+pub const VERSION_MIN: u32 = 10;
 
 /// QEMU, if it is new enough.
 pub fn qemu() -> Option<String> {
@@ -19,6 +19,23 @@ pub fn qemu() -> Option<String> {
     let version = text.split_whitespace().nth(3)?;
     let major: u32 = version.split('.').next()?.parse().ok()?;
     (major >= VERSION_MIN).then(|| version.to_owned())
+}
+
+/// The major version that the distribution would install by itself; `None` if it has none or its lists were never fetched.
+pub fn candidate() -> Option<u32> {
+    let text = repo::output_of(Command::new("apt-cache").args(["policy", PACKAGE]))?;
+    major_of_candidate(&text)
+}
+
+fn major_of_candidate(policy: &str) -> Option<u32> {
+    let mut lines = policy.lines().map(str::trim);
+    let version = lines.find_map(|line| line.strip_prefix("Candidate: "))?;
+    // Behind the epoch.
+    let version = version
+        .split_once(':')
+        .map_or(version, |(_, version)| version);
+    let digits: String = version.chars().take_while(char::is_ascii_digit).collect();
+    digits.parse().ok()
 }
 
 /// Where the list of backports is put.
@@ -162,6 +179,15 @@ fn key() -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_candidate_is_read_without_its_epoch() {
+        let policy = "qemu-system-arm:\n  Installed: (none)\n  Candidate: 1:7.2+dfsg-7+deb12u18\n  Version table:\n";
+        assert_eq!(major_of_candidate(policy), Some(7));
+        assert_eq!(major_of_candidate("  Candidate: 10.0.2\n"), Some(10));
+        assert_eq!(major_of_candidate("  Candidate: (none)\n"), None);
+        assert_eq!(major_of_candidate(""), None);
+    }
 
     #[test]
     fn the_mirror_is_that_of_the_releases_own_suite() {

@@ -173,24 +173,22 @@ fn install_firmware_clippy() {
     };
 }
 
-/// From the distribution, or from Debian's backports where its own is too old.
+/// From Debian's backports where the distribution's own is too old, else from the distribution.
 fn install_qemu() {
-    if !apt_install(&[machine::PACKAGE]) || machine::qemu().is_some() {
-        return;
-    }
-    let Some(release) = machine::Backports::of_this_system() else {
-        println!("QEMU: the distribution's is older than 10, and there are no backports known");
+    let release = match machine::candidate() {
+        Some(major) if major >= machine::VERSION_MIN => None,
+        // Too old, or not known before the lists are fetched: then the backports do no harm.
+        _ => machine::Backports::of_this_system(),
+    };
+    let Some(release) = release else {
+        apt_install(&[machine::PACKAGE]);
         return;
     };
-    println!(
-        "QEMU: the distribution's is older than 10; adding {}",
-        release.suite()
-    );
-    if !release.is_listed() && !as_root(&["tee", machine::BACKPORTS_LIST], Some(&release.list())) {
-        return;
-    }
     let suite = release.suite();
-    apt_install(&["-t", &suite, machine::PACKAGE]);
+    println!("QEMU: taking it from {suite}");
+    if release.is_listed() || as_root(&["tee", machine::BACKPORTS_LIST], Some(&release.list())) {
+        apt_install(&["-t", &suite, machine::PACKAGE]);
+    }
 }
 
 /// Runs a command as root, with this on its input.

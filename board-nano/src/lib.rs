@@ -7,8 +7,8 @@
 //! | D3..D7, D8..D13 | free; the demonstration unit's LEDs |
 #![no_std]
 
-pub mod demo_unit;
 pub mod options;
+pub mod outputs;
 
 use embassy_avr_hal::usart::{Framings, RtuAndAscii, Settings, Usart0};
 use multidrop_firmware::PortConfig;

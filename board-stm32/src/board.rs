@@ -7,9 +7,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 
-use crate::demo_unit::LEDS;
 use crate::platform;
-use crate::ports::{As1, As2, Port, PortSettings, Rs2, Rs4};
+use crate::ports::{As1, As2, LEDS, Port, PortSettings, Rs2, Rs4};
 use crate::usart::{Usart, registers};
 
 /// A port not opened yet: its pins are inputs.
@@ -60,13 +59,12 @@ pub fn run(init: impl FnOnce(Spawner)) -> ! {
     platform::run(init)
 }
 
-/// The demonstration unit's outputs: bits 0 to 12 on PC0 to PC12, which the first call makes outputs.
-pub fn show_outputs(outputs: u16) {
-    static OUTPUTS: AtomicBool = AtomicBool::new(false);
-    registers::write_gpioc(LEDS, outputs);
-    if !OUTPUTS.swap(true, Ordering::Relaxed) {
-        registers::outputs_on_gpioc(LEDS);
-    }
+/// Makes the demonstration unit's pins, [`LEDS`], outputs, all low, and returns what puts a register on them.
+pub fn outputs() -> impl FnMut(u16) {
+    let show = |outputs| registers::write_gpioc(LEDS, outputs);
+    show(0);
+    registers::outputs_on_gpioc(LEDS);
+    show
 }
 
 #[panic_handler]

@@ -24,7 +24,6 @@
 // A host runs the arithmetic only.
 #![cfg_attr(not(target_arch = "arm"), allow(dead_code))]
 
-pub mod demo_unit;
 #[path = "../../board-nano/src/options.rs"]
 pub mod options;
 pub mod ports;
@@ -36,7 +35,7 @@ mod board;
 mod platform;
 
 #[cfg(target_arch = "arm")]
-pub use board::{Board, Closed, init, run, show_outputs};
+pub use board::{Board, Closed, init, outputs, run};
 
 /// The timer of the lines, in ticks per second: TIM5 behind its prescaler.
 pub const TICK_HZ: u32 = if cfg!(feature = "qemu") {

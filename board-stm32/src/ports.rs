@@ -61,6 +61,10 @@ pub struct Wiring {
     pub clock_hz: u32,
 }
 
+/// The pins of GPIOC that show the demonstration unit's register: bits 0 to 12 on PC0 to PC12. PC12 is the LED of the
+/// STM32-H405, which is lit while the bit is off; PC13 to PC15 drive 3 mA, and no LED (DS, pin definitions).
+pub const LEDS: u16 = 0x1FFF;
+
 /// The ports, in the order AS1 (USART1), AS2 (USART2), RS2 (USART3), RS4 (UART4).
 ///
 /// USART2's CTS and RTS would be PA0 and PA1, which are RS4; UART4 has none. DE is PA4, the next pin beside RS4's
@@ -121,7 +125,7 @@ const fn bit(pin: Pin) -> u64 {
 
 const fn check(ports: &[Wiring; PORTS]) {
     // The demonstration unit's outputs; JTAG and SWD.
-    let mut used = (crate::demo_unit::LEDS as u64) << 32;
+    let mut used = (LEDS as u64) << 32;
     let debugger = [pin('A', 13), pin('A', 14), pin('A', 15), pin('B', 3)];
     let mut i = 0;
     while i < debugger.len() {

@@ -13,6 +13,7 @@
 pub mod client;
 pub mod config;
 pub mod conformance;
+pub mod demo_unit;
 pub mod line;
 pub mod managed;
 pub mod manager;
@@ -23,6 +24,7 @@ pub mod scan;
 pub mod serve;
 pub mod shared;
 pub mod sniff;
+pub mod yardstick;
 
 pub use client::{Client, ClientConfig, ClientError, ClientPort, client_receive};
 pub use config::PortConfig;

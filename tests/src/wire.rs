@@ -56,6 +56,8 @@ pub(crate) struct Wire {
     edges: VecDeque<WireEdge>,
     open: Vec<Open>,
     heard: Vec<(Station, bool)>,
+    /// Something happened since it was last resolved.
+    changed: bool,
 }
 
 impl Wire {
@@ -70,6 +72,7 @@ impl Wire {
             edges: VecDeque::new(),
             open: Vec::new(),
             heard: Vec::new(),
+            changed: false,
         }
     }
 
@@ -124,7 +127,13 @@ impl Wire {
         }
     }
 
+    /// Whether an event was applied that is not resolved yet.
+    pub fn is_changed(&self) -> bool {
+        self.changed
+    }
+
     pub fn apply(&mut self, event: Event, now: Time, record: &mut Record) {
+        self.changed = true;
         match event {
             Event::Data(station, level) => {
                 self.put(station, level, now, record);
@@ -179,6 +188,7 @@ impl Wire {
 
     /// Works out the level and what everyone hears. Returns when to look again.
     pub fn resolve(&mut self, now: Time, record: &mut Record) -> Option<Time> {
+        self.changed = false;
         let driver = |level: bool| {
             let mut drivers = self.transceivers.iter().filter(|t| t.drives());
             drivers.find(|t| t.data == level).map(|t| t.station)

@@ -4,7 +4,7 @@ use crate::error::Error;
 use crate::repo;
 use std::fs;
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
 /// Debian's package.
@@ -170,7 +170,7 @@ pub fn compile_barrier() -> Result<(), Error> {
 }
 
 fn key() -> Option<String> {
-    let source = fs::read(Path::new(&repo::root()).join(SOURCE)).ok()?;
+    let source = fs::read(repo::root().join(SOURCE)).ok()?;
     let mut hasher = DefaultHasher::new();
     source.hash(&mut hasher);
     Some(format!("{:016x}\n", hasher.finish()))

@@ -3,9 +3,10 @@
 #![no_main]
 #![feature(abi_avr_interrupt)]
 
-use board_nano::demo_unit::DemoUnit;
+use board_nano::outputs::outputs;
 use board_nano::{Rs485, options, settings};
 use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
+use multidrop_firmware::demo_unit::DemoUnit;
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::{Port, PortConfig, Shared};
 use static_cell::StaticCell;
@@ -27,7 +28,7 @@ async fn receive(port: &'static Port<Rs485>) -> ! {
 /// Answers requests.
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Rs485>) -> ! {
-    let unit = Shared::new(DemoUnit::new());
+    let unit = Shared::new(DemoUnit::new(outputs()));
     multidrop_firmware::serve(port, &unit).await
 }
 

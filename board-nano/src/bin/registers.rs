@@ -5,11 +5,8 @@
 
 use board_nano::{Rs485, options, settings};
 use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
-use multidrop_firmware::protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
-use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::protocol::registers::{Bank, CoilBank, within};
-use multidrop_firmware::protocol::server::DataModel;
+use multidrop_firmware::yardstick::Yardstick;
 use multidrop_firmware::{Port, PortConfig, Shared};
 use static_cell::StaticCell;
 
@@ -21,52 +18,6 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .baud(options::baud(38_400))
     .format(options::format(LineFormat::F8N1));
 
-/// Holding registers and coils are kept; inputs follow from their address.
-struct Model {
-    registers: Bank<COUNT>,
-    coils: CoilBank<{ COUNT.div_ceil(8) }>,
-}
-
-impl DataModel for Model {
-    const WRITES_MAY_FAIL: bool = false;
-
-    fn coils(&mut self, first: u16, out: CoilsOut<'_>) -> Result<(), Exception> {
-        self.coils.read(first, out)
-    }
-
-    fn discrete_inputs(&mut self, first: u16, mut out: CoilsOut<'_>) -> Result<(), Exception> {
-        within(first, out.len(), COUNT as u16)?;
-        out.fill_from((first..).map(|address| address % 3 == 0));
-        Ok(())
-    }
-
-    fn holding_registers(&mut self, first: u16, out: RegistersOut<'_>) -> Result<(), Exception> {
-        self.registers.read(first, out)
-    }
-
-    fn input_registers(&mut self, first: u16, mut out: RegistersOut<'_>) -> Result<(), Exception> {
-        within(first, out.len() as u16, COUNT as u16)?;
-        out.fill_from((first..).map(|address| 0x1000 + address));
-        Ok(())
-    }
-
-    fn check_coils(&self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
-        self.coils.check(first, values)
-    }
-
-    fn check_registers(&self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
-        self.registers.check(first, values)
-    }
-
-    fn write_coils(&mut self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
-        self.coils.write(first, values)
-    }
-
-    fn write_registers(&mut self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
-        self.registers.write(first, values)
-    }
-}
-
 bind_usart0!(Rs485);
 
 #[embassy_executor::task]
@@ -76,10 +27,7 @@ async fn receive(port: &'static Port<Rs485>) -> ! {
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Rs485>) -> ! {
-    let model = Shared::new(Model {
-        registers: Bank::new(0),
-        coils: CoilBank::new(0, COUNT as u16),
-    });
+    let model = Shared::new(Yardstick::<COUNT, { COUNT.div_ceil(8) }>::new());
     multidrop_firmware::serve(port, &model).await
 }
 

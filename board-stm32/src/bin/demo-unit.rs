@@ -2,10 +2,10 @@
 #![no_std]
 #![no_main]
 
-use board_stm32::demo_unit::DemoUnit;
 use board_stm32::ports::PortSettings;
 use board_stm32::usart::Usart;
-use board_stm32::{info, options, show_outputs};
+use board_stm32::{info, options, outputs};
+use multidrop_firmware::demo_unit::DemoUnit;
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::{Port, PortConfig, Shared};
 use static_cell::StaticCell;
@@ -25,7 +25,7 @@ async fn receive(port: &'static Port<Usart>) -> ! {
 /// Answers requests.
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Usart>) -> ! {
-    let unit = Shared::new(DemoUnit::new(show_outputs));
+    let unit = Shared::new(DemoUnit::new(outputs()));
     multidrop_firmware::serve(port, &unit).await
 }
 

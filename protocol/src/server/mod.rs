@@ -252,8 +252,7 @@ impl<D: Diagnostics> Server<D> {
     ) -> Result<Plan, Exception> {
         use function::*;
         let code = frame[1];
-        // What is not among them is gone when this is compiled.
-        let is = |function: u8| M::FUNCTIONS.has(function) && code == function;
+        let is = |function| serves::<M>(code, function);
         let reads = is(READ_COILS)
             || is(READ_DISCRETE_INPUTS)
             || is(READ_HOLDING_REGISTERS)
@@ -349,11 +348,17 @@ impl<D: Diagnostics> Server<D> {
     }
 }
 
+/// Whether `code` is this function and the model has it. What it has not is gone when this is compiled.
+#[inline(always)]
+fn serves<M: DataModel>(code: u8, function: u8) -> bool {
+    M::FUNCTIONS.has(function) && code == function
+}
+
 /// Executes what was planned as [`Plan::Write`].
 fn write<M: DataModel>(model: &mut M, frame: &Adu) -> Result<(), Exception> {
     use function::*;
     let code = frame[1];
-    let is = |function: u8| M::FUNCTIONS.has(function) && code == function;
+    let is = |function| serves::<M>(code, function);
     if is(WRITE_FILE_RECORD) {
         file_records::write(model, frame)
     } else if is(WRITE_SINGLE_COIL) || is(WRITE_MULTIPLE_COILS) {
@@ -367,7 +372,7 @@ fn write<M: DataModel>(model: &mut M, frame: &Adu) -> Result<(), Exception> {
 fn call<M: DataModel>(model: &mut M, frame: &mut Adu, request_len: u8) -> Result<u8, Exception> {
     use function::*;
     let code = frame[1];
-    let is = |function: u8| M::FUNCTIONS.has(function) && code == function;
+    let is = |function| serves::<M>(code, function);
     if is(MASK_WRITE_REGISTER) {
         mask_write::execute(model, frame, request_len)
     } else if is(READ_WRITE_REGISTERS) {

@@ -1,6 +1,6 @@
 //! Read Exception Status and Report Server ID (APP 6.7, 6.13): requests without data.
 
-use super::{DataModel, LEN_MIN, Plan};
+use super::{DataModel, LEN_MIN, Plan, serves};
 use crate::Adu;
 use crate::data::BytesOut;
 use crate::exception::Exception;
@@ -14,7 +14,7 @@ pub(super) fn prepare<M: DataModel>(
     if len != LEN_MIN {
         return Err(Exception::IllegalDataValue);
     }
-    if M::FUNCTIONS.has(READ_EXCEPTION_STATUS) && frame[1] == READ_EXCEPTION_STATUS {
+    if serves::<M>(frame[1], READ_EXCEPTION_STATUS) {
         frame[2] = model.exception_status();
         return Ok(Plan::Answer { len: 3 });
     }

@@ -9,7 +9,6 @@
 
 mod qemu;
 
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use crate::bus::WireId;
@@ -18,8 +17,7 @@ use crate::host::{Host, HostPort, RxByte};
 use crate::line::{Format, Line, Parity};
 use crate::record::{HostId, Station};
 use crate::time::{Clock, Time};
-pub use qemu::Access;
-use qemu::Qemu;
+use qemu::{Access, Qemu};
 
 /// An STM32 on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,7 +126,6 @@ struct Port {
     /// Error flags stand in SR.
     flagged: bool,
     overruns: u64,
-    waiting: VecDeque<RxByte>,
 }
 
 /// What a machine did.
@@ -185,7 +182,6 @@ impl Machine {
             unread: false,
             flagged: false,
             overruns: 0,
-            waiting: VecDeque::new(),
         });
     }
 
@@ -246,8 +242,7 @@ impl Machine {
     /// What its transceivers have heard; on `began` a character has just begun.
     pub(crate) fn hear(&mut self, hosts: &mut [Host], began: &[HostId]) {
         for port in &mut self.ports {
-            port.waiting.extend(hosts[port.host.0].take());
-            while let Some(byte) = port.waiting.pop_front() {
+            for byte in hosts[port.host.0].take() {
                 port.deliver(&mut self.qemu, byte);
             }
             if began.contains(&port.host) {

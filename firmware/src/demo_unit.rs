@@ -1,32 +1,25 @@
-//! The demonstration unit's data: one 16-bit register, seen through all four tables at address 0, its
-//! bits on the LED pins.
-//!
-//! Bits 0 to 12 are PC0 to PC12. PC12 is the LED of the STM32-H405, which is lit while the bit is off. Bits
-//! 13, 14 and 15 have no pin, since PC13 to PC15 can drive no LED; they can be written and read back.
+//! The data of the application `demo-unit`, the same on every board: one 16-bit register, seen through all four
+//! tables at address 0. What its bits do is the board's.
 
-use multidrop_firmware::protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::registers::within;
-use multidrop_firmware::protocol::server::DataModel;
+use multidrop_protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
+use multidrop_protocol::exception::Exception;
+use multidrop_protocol::registers::within;
+use multidrop_protocol::server::DataModel;
 
-/// The pins of GPIOC that show the register (DS, pin definitions: PC13 to PC15 drive 3 mA, and no LED).
-pub const LEDS: u16 = 0x1FFF;
-
-/// The register.
-pub struct DemoUnit {
+/// The register, and what shows it.
+pub struct DemoUnit<S> {
     outputs: u16,
-    show: fn(u16),
+    show: S,
 }
 
-impl DemoUnit {
-    /// All outputs off. `show` puts the register on the pins.
-    pub fn new(show: fn(u16)) -> Self {
-        show(0);
+impl<S: FnMut(u16)> DemoUnit<S> {
+    /// All outputs off. `show` puts the register on the pins, whenever it is written.
+    pub fn new(show: S) -> Self {
         Self { outputs: 0, show }
     }
 }
 
-impl DataModel for DemoUnit {
+impl<S: FnMut(u16) + 'static> DataModel for DemoUnit<S> {
     const WRITES_MAY_FAIL: bool = false;
 
     fn coils(&mut self, first: u16, mut out: CoilsOut<'_>) -> Result<(), Exception> {

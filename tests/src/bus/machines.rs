@@ -1,0 +1,71 @@
+//! The machines on a bus: how they are put on its wires, and how far they may run.
+
+use super::{Bus, Event, WireId};
+use crate::error::BusError;
+use crate::machine::{Machine, MachineId, MachineOutput, Stm32};
+use crate::record::Station;
+use crate::time::Time;
+
+/// How far a machine may run ahead of nodes that are awake: it hears the beginning of their characters so much late. Each
+/// stop costs some 30 us of the host's time.
+const MACHINE_AHEAD_OF_NODES: Time = Time::from_us(20);
+
+/// How far it may run ahead of everything: what is sent from outside between two steps comes so much late.
+const MACHINE_AHEAD: Time = Time::from_us(200);
+
+impl Bus {
+    /// Powers an STM32 up, with its ports on wires.
+    ///
+    /// # Errors
+    /// [`BusError`], where QEMU cannot be started with the image.
+    pub fn add_stm32(&mut self, stm32: Stm32) -> Result<MachineId, BusError> {
+        let wires = stm32.wires;
+        let mut machine = Machine::new(stm32, self.now)?;
+        for (port, wire) in wires.into_iter().enumerate() {
+            if let Some(wire) = wire {
+                let host = self.add_host_on(wire, machine.host_port(port));
+                machine.connect(port, host, wire);
+            }
+        }
+        self.machines.push(machine);
+        Ok(MachineId(self.machines.len() - 1))
+    }
+
+    /// The machines, in the order they were added.
+    pub fn machines(&self) -> impl Iterator<Item = &Machine> {
+        self.machines.iter()
+    }
+
+    /// A machine.
+    pub fn machine(&self, id: MachineId) -> &Machine {
+        &self.machines[id.0]
+    }
+
+    /// Runs a machine, which is furthest behind, as far as nothing can happen that it has to hear; or to the first character
+    /// that it sends. `nodes` is when the first of the nodes may do something.
+    pub(super) fn run_machine(&mut self, index: usize, nodes: Time, deadline: Time) {
+        let machine = &self.machines[index];
+        let hears = |event: &(WireId, Event)| match event {
+            (wire, Event::Begin(from, _)) => machine.is_on(*wire) && !machine.is(*from),
+            _ => false,
+        };
+        let begins = self.queue.iter().find(|(_, event)| hears(event));
+        let begins = begins.map_or(Time::NEVER, |((time, _), _)| *time);
+        let judged = machine.hosts().map(|id| self.hosts[id.0].next_event());
+        let limit = judged
+            .fold(begins, Time::min)
+            .min(nodes.saturating_add(MACHINE_AHEAD_OF_NODES))
+            .min(machine.now() + MACHINE_AHEAD)
+            .min(deadline);
+        for output in self.machines[index].run_to(limit) {
+            match output {
+                MachineOutput::Line(host, line) => self.hosts[host.0].set_line(line),
+                MachineOutput::Byte(host, at, byte) => self.hosts[host.0].send_from(at, byte),
+                MachineOutput::Drive(host, at, on) => {
+                    let wire = self.host_wires[host.0];
+                    self.schedule(at, wire, Event::Drive(Station::Host(host), on));
+                }
+            }
+        }
+    }
+}

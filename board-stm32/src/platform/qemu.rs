@@ -344,8 +344,6 @@ fn pender(_context: *mut ()) {
 }
 
 /// Runs tasks for ever. Between them the CPU does nothing, but it does not sleep: asleep it would have no time.
-/// A run of instructions that do nothing costs the simulator next to nothing; it is as long as an
-/// interrupt may have to wait, 32 x 8 ns.
 pub(crate) fn run(init: impl FnOnce(Spawner)) -> ! {
     static EXECUTOR: StaticCell<raw::Executor> = StaticCell::new();
     let executor: &'static raw::Executor = EXECUTOR.init(raw::Executor::new(core::ptr::null_mut()));
@@ -354,16 +352,25 @@ pub(crate) fn run(init: impl FnOnce(Spawner)) -> ! {
         WORK.store(false, Ordering::Relaxed);
         // SAFETY: called from this one place, never from within itself.
         unsafe { executor.poll() };
-        while !WORK.load(Ordering::Relaxed) {
-            // SAFETY: changes nothing.
-            unsafe {
-                asm!(
-                    ".rept 32",
-                    "nop",
-                    ".endr",
-                    options(nomem, nostack, preserves_flags)
-                )
-            };
-        }
+        idle();
+    }
+}
+
+/// Waits for work. By its symbol a simulator tells these instructions from those that do something.
+/// A run of instructions that do nothing costs it next to nothing; it is as long as an interrupt may have to
+/// wait, 32 x 8 ns.
+#[inline(never)]
+#[unsafe(export_name = "multidrop_idle")]
+fn idle() {
+    while !WORK.load(Ordering::Relaxed) {
+        // SAFETY: changes nothing.
+        unsafe {
+            asm!(
+                ".rept 32",
+                "nop",
+                ".endr",
+                options(nomem, nostack, preserves_flags)
+            )
+        };
     }
 }

@@ -5,6 +5,7 @@
 #![allow(dead_code, unused_imports, reason = "each test binary uses a part")]
 
 pub mod conforms;
+pub mod four;
 pub mod frames;
 mod images;
 pub mod model;

@@ -88,8 +88,9 @@ pub trait Line: Sized {
     /// Whether it has RTS and CTS.
     const RTS_CTS: bool = false;
 
-    /// Whether a [managed port](crate::managed) on it may be a sniffer. What is for that costs nothing where not.
-    const SNIFFS: bool = false;
+    /// Whether the board has other lines beside it. If so a [managed port](crate::managed) on it may be a sniffer, and
+    /// may have a [router](crate::route). What is for that costs nothing where not.
+    const HAS_NEIGHBOURS: bool = false;
 
     /// Waits for the next frame with a good CRC or LRC and lends it, provisional (see the module). No
     /// task is woken per byte.

@@ -43,11 +43,6 @@ impl<L: Line + 'static, D> Port<L, D> {
         }
     }
 
-    /// The line, for [`route()`](crate::route()).
-    pub const fn line(&self) -> &L {
-        &self.line
-    }
-
     /// The server: its unit id and counters.
     pub const fn server(&self) -> &Server<D> {
         &self.server

@@ -1,32 +1,36 @@
 //! Routing: requests that come in on one port and are asked on another.
 //!
-//! A table says which unit ids are reached through which client, and by which unit id there. The receive task of the
-//! asker's port hands such requests to a [`Router`]; its task [`route()`] asks them and sends the answer back. The
-//! framings of the two ports have nothing to do with each other: RTU becomes ASCII and the other way round.
+//! A table says which unit ids are reached through which client, and by which unit id there. A [managed
+//! port](crate::managed) that is a slave hands requests to those to its [`Router`], whose task [`route()`] asks them;
+//! the port sends the answer. The framings of the two ports have nothing to do with each other: RTU becomes ASCII and
+//! the other way round.
 //!
 //! ```ignore
 //! static ROUTES: [Route<Usart, 4>; 2] = ...;
 //! let router = ROUTER.init(Router::new(routes));
-//! spawner.spawn(receive(as1, router).unwrap()); // receive_and_route(port, router).await
-//! spawner.spawn(serve(as1).unwrap());           // the port's own unit is served as ever
-//! spawner.spawn(route(as1, router).unwrap());   // route(port.line(), router).await
+//! let as1 = AS1.init(ManagedPort::new(as1_line, &AS1_CONFIG, ..).routed(router));
+//! spawner.spawn(as1_route(router).unwrap()); // route(router).await
 //! ```
 //!
 //! # What the asker is told
 //!
-//! The answer or exception of the unit. Else exception 0A, where the request could not go out: nobody is asked, since
-//! too many wait already or the line behind is never silent. Or 0B, where it did and no good answer came within the
-//! route's own timeout, which is to be shorter than the asker's (APP 7).
+//! The answer or exception of the unit. Else exception 0A, where the request could not go out: the port behind is no
+//! master, nobody is asked since too many wait already, or the line behind is never silent. Or 0B, where it did and no
+//! good answer came within the route's own timeout, which is to be shorter than the asker's (APP 7).
 //!
 //! # Several askers
 //!
 //! Each asker's port has a router; two that ask through the same client take turns with each other and with the
 //! application, in the order in which they asked. The requests of one asker come one after the other: a further one
-//! means that it has given the first up, so that is given up here as well, and its answer is never sent.
+//! means that it has given the first up, so that is given up here as well, and its answer is never sent. So does a change
+//! of the port's settings.
 //!
-//! Broadcasts are for the port's own server and go no further.
+//! The port's own unit id goes before its routes. Broadcasts are for the port's own server and go no further.
 
-use core::cell::Cell;
+use core::cell::{Cell, RefCell};
+use core::future::Future;
+use core::pin::pin;
+use core::task::{Context, Poll};
 
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
@@ -35,11 +39,9 @@ use multidrop_protocol::Adu;
 use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::function::{DIAGNOSTICS, EXCEPTION_BIT};
-use multidrop_protocol::server::Diagnostics;
 
 use crate::client::{Client, ClientError};
-use crate::line::{Frame, Line};
-use crate::port::Port;
+use crate::line::Line;
 
 /// A unit id and where it is.
 pub struct Route<L: Line + 'static, const N: usize> {
@@ -51,12 +53,43 @@ pub struct Route<L: Line + 'static, const N: usize> {
     pub through: Client<L, N>,
 }
 
-/// The routes of one asker's port, and its request.
+/// What a [managed port](crate::managed) knows of its router.
+pub trait Gateway {
+    /// Whether there is a route to `unit`.
+    fn leads_to(&self, unit: u8) -> bool;
+
+    /// What was asked before is not to be answered any more.
+    fn give_up(&self);
+
+    /// A request to a unit that there is a route to: unit id, function code and data, 2..=254 bytes. It stands.
+    fn ask(&self, request: &[u8]);
+
+    /// Whether there is an answer. The last one to ask is woken when there is.
+    fn poll_answer(&self, context: &mut Context<'_>) -> Poll<()>;
+
+    /// Takes it, to the beginning of `into`; returns its length, 0 if there is none.
+    fn answer(&self, into: &mut Adu) -> u8;
+}
+
+/// How far a request has come.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum State {
+    Nothing,
+    /// There is a request of this length.
+    Asked(u8),
+    /// There is an answer of this length.
+    Answered(u8),
+}
+
+/// The routes of one asker's port, and its request. `N` is that of the clients.
 pub struct Router<L: Line + 'static, const N: usize> {
     routes: &'static [Route<L, N>],
-    asked: Signal<NoopRawMutex, Frame<'static, L>>,
-    /// Counts frames: an answer is sent only if none has come since.
-    heard: Cell<u8>,
+    /// Request, then answer: unit id, function code and data.
+    frame: RefCell<Adu>,
+    state: Cell<State>,
+    /// For the task: the state was changed by the port.
+    news: Signal<NoopRawMutex, ()>,
+    answered: Signal<NoopRawMutex, ()>,
 }
 
 impl<L: Line + 'static, const N: usize> Router<L, N> {
@@ -64,8 +97,10 @@ impl<L: Line + 'static, const N: usize> Router<L, N> {
     pub const fn new(routes: &'static [Route<L, N>]) -> Self {
         Self {
             routes,
-            asked: Signal::new(),
-            heard: Cell::new(0),
+            frame: RefCell::new([0; 256]),
+            state: Cell::new(State::Nothing),
+            news: Signal::new(),
+            answered: Signal::new(),
         }
     }
 
@@ -73,139 +108,133 @@ impl<L: Line + 'static, const N: usize> Router<L, N> {
         self.routes.iter().find(|route| route.unit == unit)
     }
 
-    /// For the task that takes frames from the asker's line: takes one that is to be routed, gives back any other.
-    pub fn offer(&self, frame: Frame<'static, L>) -> Option<Frame<'static, L>> {
-        self.heard.set(self.heard.get().wrapping_add(1));
-        if self.find(frame.unit()).is_none() {
-            return Some(frame);
-        }
-        self.asked.signal(frame);
-        None
+    fn change(&self, state: State) {
+        self.state.set(state);
+        self.news.signal(());
+    }
+
+    /// Asks, and puts the answer in the place of the request; returns its length, 0 for none.
+    async fn fetch(&'static self, len: u8) -> u8 {
+        let unit = self.frame.borrow()[0];
+        let Some(route) = self.find(unit) else {
+            return 0;
+        };
+        let request = Forwarded {
+            frame: &self.frame,
+            len,
+        };
+        let asked = route.through.transact(route.target, &request).await;
+        let mut frame = self.frame.borrow_mut();
+        let exception = match asked {
+            Ok(Some(reply)) => {
+                let bytes = reply.bytes();
+                let Some(place) = frame.get_mut(..bytes.len()) else {
+                    return 0;
+                };
+                place.copy_from_slice(bytes);
+                frame[0] = unit;
+                return bytes.len() as u8;
+            }
+            // Told to listen only: nobody answers that.
+            Ok(None) => return 0,
+            Err(ClientError::Exception(exception)) => exception.code(),
+            Err(ClientError::UnknownException(code)) => code,
+            // Function codes that none is asked with.
+            Err(ClientError::Request(_)) => Exception::IllegalFunction.code(),
+            Err(ClientError::NotMaster | ClientError::QueueFull | ClientError::NoSilence) => {
+                Exception::GatewayPathUnavailable.code()
+            }
+            Err(_) => Exception::GatewayTargetFailedToRespond.code(),
+        };
+        frame[1] |= EXCEPTION_BIT;
+        frame[2] = exception;
+        3
     }
 }
 
-/// Runs for ever: the receive task of a port with a router. What is not routed goes where
-/// [`receive`](crate::receive()) would hand it.
+impl<L: Line + 'static, const N: usize> Gateway for Router<L, N> {
+    fn leads_to(&self, unit: u8) -> bool {
+        self.find(unit).is_some()
+    }
+
+    fn give_up(&self) {
+        if self.state.get() != State::Nothing {
+            self.change(State::Nothing);
+        }
+    }
+
+    fn ask(&self, request: &[u8]) {
+        let mut frame = self.frame.borrow_mut();
+        if let Some(place) = frame.get_mut(..request.len()) {
+            place.copy_from_slice(request);
+            self.change(State::Asked(request.len() as u8));
+        }
+    }
+
+    fn poll_answer(&self, context: &mut Context<'_>) -> Poll<()> {
+        loop {
+            let answered = pin!(self.answered.wait()).poll(context);
+            if matches!(self.state.get(), State::Answered(_)) {
+                return Poll::Ready(());
+            }
+            if answered.is_pending() {
+                return Poll::Pending;
+            }
+        }
+    }
+
+    fn answer(&self, into: &mut Adu) -> u8 {
+        match self.state.get() {
+            State::Answered(len) => {
+                *into = *self.frame.borrow();
+                self.state.set(State::Nothing);
+                len
+            }
+            _ => 0,
+        }
+    }
+}
+
+/// Runs for ever: asks what the port of this router is asked.
 ///
 /// # Cancellation
-/// Safe: a frame not yet passed on is given back to the line.
-pub async fn receive_and_route<L: Line, D: Diagnostics, const N: usize>(
-    port: &'static Port<L, D>,
-    router: &'static Router<L, N>,
-) -> ! {
+/// Safe: the request is given up.
+pub async fn route<L: Line, const N: usize>(router: &'static Router<L, N>) -> ! {
     loop {
-        match port.line.receive().await {
-            Ok(frame) => {
-                if let Some(frame) = router.offer(frame)
-                    && port.server.is_concerned(frame.unit())
-                {
-                    port.requests.signal(frame);
-                }
-            }
-            Err(flaws) => port.server.damaged(flaws),
+        let State::Asked(len) = router.state.get() else {
+            router.news.wait().await;
+            continue;
+        };
+        router.news.reset();
+        // News first: the request that was in its place is no more.
+        if let Either::Second(len) = select(router.news.wait(), router.fetch(len)).await {
+            router.state.set(match len {
+                0 => State::Nothing,
+                len => State::Answered(len),
+            });
+            router.answered.signal(());
         }
     }
 }
 
-/// Runs for ever: asks what is to be routed, and sends the answers on the asker's `line`.
-///
-/// # Cancellation
-/// Safe at any await: the request is given up.
-pub async fn route<L: Line, const N: usize>(line: &L, router: &'static Router<L, N>) -> ! {
-    let mut adu: Adu = [0; 256];
-    let mut next = None;
-    loop {
-        let frame = match next.take() {
-            Some(frame) => frame,
-            None => router.asked.wait().await,
-        };
-        // Copied, so that the asker's line can hear what it does meanwhile.
-        let Some(len) = take(frame, &mut adu).await else {
-            continue;
-        };
-        let heard = router.heard.get();
-        let len = match select(ask(router, &mut adu, len), router.asked.wait()).await {
-            Either::First(len) => len,
-            Either::Second(frame) => {
-                next = Some(frame);
-                continue;
-            }
-        };
-        if len == 0 {
-            continue;
-        }
-        let mut frame = match select(line.lend(), router.asked.wait()).await {
-            Either::First(frame) => frame,
-            Either::Second(frame) => {
-                next = Some(frame);
-                continue;
-            }
-        };
-        // Whoever has asked for something else since has given this up, and might take it for that.
-        if router.heard.get() == heard {
-            *frame.adu() = adu;
-            frame.release(len);
-            // Somebody who talks instead has given it up as well.
-            frame.sent().await;
-        }
-    }
+/// A request as it came in.
+struct Forwarded<'a> {
+    frame: &'a RefCell<Adu>,
+    len: u8,
 }
-
-/// The request, if it stands, as its length.
-async fn take<L: Line>(mut frame: Frame<'static, L>, adu: &mut Adu) -> Option<u8> {
-    *adu = *frame.bytes();
-    let len = frame.request_len();
-    frame.settle().await.then_some(len)
-}
-
-/// Asks, and puts the answer in the place of the request; returns its length, 0 for none.
-async fn ask<L: Line, const N: usize>(router: &'static Router<L, N>, adu: &mut Adu, len: u8) -> u8 {
-    let unit = adu[0];
-    let Some(route) = router.find(unit) else {
-        return 0;
-    };
-    let code = adu[1];
-    let request = Forwarded(&adu[1..usize::from(len)]);
-    let exception = match route.through.transact(route.target, &request).await {
-        Ok(Some(reply)) => {
-            let bytes = reply.bytes();
-            let Some(place) = adu.get_mut(..bytes.len()) else {
-                return 0;
-            };
-            place.copy_from_slice(bytes);
-            let len = bytes.len() as u8;
-            adu[0] = unit;
-            return len;
-        }
-        // Told to listen only: nobody answers that.
-        Ok(None) => return 0,
-        Err(ClientError::Exception(exception)) => exception.code(),
-        Err(ClientError::UnknownException(code)) => code,
-        // Function codes that none is asked with.
-        Err(ClientError::Request(_)) => Exception::IllegalFunction.code(),
-        Err(ClientError::QueueFull | ClientError::NoSilence) => {
-            Exception::GatewayPathUnavailable.code()
-        }
-        Err(_) => Exception::GatewayTargetFailedToRespond.code(),
-    };
-    adu[1] = code | EXCEPTION_BIT;
-    adu[2] = exception;
-    3
-}
-
-/// Function code and data as they came in.
-struct Forwarded<'a>(&'a [u8]);
 
 impl Request for Forwarded<'_> {
     fn encode(&self, draft: &mut Draft<'_>) -> Result<(), RequestError> {
-        let function = self.0.first().copied().unwrap_or(0);
+        let frame = self.frame.borrow();
+        let pdu = frame.get(1..usize::from(self.len)).unwrap_or(&[]);
+        let function = pdu.first().copied().unwrap_or(0);
         if function == 0 || function & EXCEPTION_BIT != 0 {
             return Err(RequestError::Function { function });
         }
-        for &byte in self.0 {
+        for &byte in pdu {
             draft.byte(byte);
         }
-        if matches!(self.0, [DIAGNOSTICS, 0, 4, 0, 0]) {
+        if matches!(pdu, [DIAGNOSTICS, 0, 4, 0, 0]) {
             draft.silence();
         }
         Ok(())

@@ -5,19 +5,22 @@
 mod bench;
 
 use bench::{Bench, Event, Heard, SENDS, TestLine, Wire};
-use multidrop_firmware::PortConfig;
 use multidrop_firmware::client::{ClientConfig, ClientError};
 use multidrop_firmware::line::Role;
-use multidrop_firmware::managed::{Failure, ManagedPort, managed_receive, managed_run};
+use multidrop_firmware::managed::{
+    Failure, ManagedPort, managed_receive, managed_run, managed_serve,
+};
+use multidrop_firmware::protocol::data::RegistersOut;
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::format::{Framing, LineFormat};
 use multidrop_firmware::protocol::port_registers::{PortRegisters, Register, Status};
 use multidrop_firmware::protocol::registers::{
-    Bank, CoilBank, Items, NoRules, Rules, ScanList, SparseBank,
+    Bank, CoilBank, Items, NoCoils, NoRules, Rules, ScanList, SparseBank,
 };
 use multidrop_firmware::protocol::rtu::Flaws;
 use multidrop_firmware::protocol::rules;
-use multidrop_firmware::protocol::server::{Counted, Uncounted};
+use multidrop_firmware::protocol::server::{Counted, DataModel, Uncounted};
+use multidrop_firmware::{PortConfig, Shared};
 
 type Port<R, C = CoilBank<2>, V = NoRules> =
     &'static ManagedPort<TestLine, PortRegisters<R, C, V>, Uncounted, 2>;
@@ -631,11 +634,33 @@ fn what_the_line_cannot_do_changes_nothing() {
 }
 
 #[test]
-fn a_client_of_the_port_waits_until_it_is_master() {
+fn a_client_of_the_port_is_refused_while_it_is_not_master() {
+    const NOT_MASTER: Option<Result<(), ClientError>> = Some(Err(ClientError::NotMaster));
     let mut bench = Bench::new();
-    let (wire, rs4) = plain(&mut bench, RS4);
+    let wire = Wire::new(RS4.line());
+    let port = ManagedPort::with(
+        TestLine(wire),
+        &RS4,
+        Bank::new(0),
+        CoilBank::new(0, 16),
+        Uncounted,
+    );
+    let rs4: Port<Bank<10>> = Box::leak(Box::new(port));
+    bench.wire(wire);
     wire.answered_by(slave(17));
-    let client = rs4.client(ClientConfig::new().timeout_ms(100));
+    let client = rs4.client(ClientConfig::new().timeout_ms(100).retries(3));
+    // Before the port's tasks run for the first time too.
+    let asked = bench.ask(async move { client.write_register(17, 3, 9).await });
+    assert_eq!(asked.take(), NOT_MASTER);
+    bench.spawn(async move { managed_receive(rs4).await });
+    bench.spawn(async move { managed_run(rs4).await });
+    let asked = bench.ask(async move { client.write_register(17, 3, 9).await });
+    assert_eq!(asked.take(), NOT_MASTER);
+    bench.run(500);
+    assert!(wire.sent().is_empty());
+
+    rs4.set("MODE", 0);
+    bench.run(1);
     let asked = bench.ask(async move {
         let mut values = [0; 2];
         client
@@ -643,25 +668,73 @@ fn a_client_of_the_port_waits_until_it_is_master() {
             .await
             .map(|()| values)
     });
-    bench.run(500);
-    assert!(wire.sent().is_empty() && asked.borrow().is_none());
-    rs4.set("MODE", 0);
-    rs4.set("REGCNT", 1);
-    rs4.start().unwrap();
     bench.run(100);
     assert_eq!(asked.take(), Some(Ok([300, 400])));
-    assert_eq!(rs4.get("DATAOK"), 1);
-    assert_eq!(wire.sent().len(), 2);
-    // The line is not set up under a client's request.
+    // The line is not set up under a client's request; one that waits behind it is refused, and does not go out.
     let asked = bench.ask(async move { client.write_register(17, 3, 9).await });
+    let behind = bench.ask(async move { client.write_register(17, 4, 9).await });
     bench.run(SENDS + 2);
     rs4.set("BAUD", 9600);
     rs4.set("MODE", 1);
     bench.run(50);
     assert_eq!(asked.take(), Some(Ok(())));
+    assert_eq!(behind.take(), NOT_MASTER);
+    assert_eq!(wire.sent().len(), 2);
     assert!(
         matches!(wire.log.borrow().last(), Some(Event::Configured(config)) if config.baud == 9600)
     );
+}
+
+#[test]
+fn a_client_waits_while_the_line_of_a_master_is_changed() {
+    let mut bench = Bench::new();
+    let (wire, rs4) = plain(&mut bench, RS4.client());
+    wire.answered_by(slave(17));
+    wire.configures.set(20);
+    let client = rs4.client(ClientConfig::new().timeout_ms(100));
+    rs4.set("BAUD", 9600);
+    bench.run(5);
+    let asked = bench.ask(async move { client.write_register(17, 3, 9).await });
+    bench.run(100);
+    assert_eq!(asked.take(), Some(Ok(())));
+    let log = wire.log.borrow();
+    assert!(matches!(log[0], Event::Configured(_)) && log.len() == 2);
+}
+
+/// A register whose value is 7 times its address, with nothing behind it.
+struct Sevens;
+
+impl DataModel for Sevens {
+    fn holding_registers(
+        &mut self,
+        first: u16,
+        mut out: RegistersOut<'_>,
+    ) -> Result<(), Exception> {
+        out.fill_from((first..).map(|address| address.wrapping_mul(7)));
+        Ok(())
+    }
+}
+
+#[test]
+fn a_slave_may_answer_with_a_model_of_the_application() {
+    let mut bench = Bench::new();
+    let wire = Wire::new(RS4.line());
+    type OfSevens = ManagedPort<TestLine, PortRegisters<Bank<1>, NoCoils, NoRules>>;
+    let port = ManagedPort::new(TestLine(wire), &RS4, RS4.bank(), NoCoils);
+    let port: &'static OfSevens = Box::leak(Box::new(port));
+    let sevens: &'static Shared<Sevens> = Box::leak(Box::new(Shared::new(Sevens)));
+    bench.wire(wire);
+    bench.spawn(async move { managed_receive(port).await });
+    bench.spawn(async move { managed_serve(port, sevens).await });
+    wire.hear(Ok(vec![17, 3, 3, 0, 0, 2]));
+    bench.run(20);
+    // Its settings are the port's all the same.
+    port.load(Register::SlaveId, 18).unwrap();
+    bench.run(1);
+    wire.hear(Ok(vec![18, 6, 0, 0, 0, 1]));
+    bench.run(20);
+    let answers = [vec![17, 3, 4, 0x15, 0, 0x15, 7], vec![18, 0x86, 2]];
+    assert_eq!(wire.sent(), answers);
 }
 
 #[test]

@@ -6,7 +6,14 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 use desk::{Desk, Heard, Registers, SENDS, TestLine, Wire};
-use multidrop_firmware::{ClientConfig, Port, PortConfig, Route, Router, receive_and_route, route};
+use multidrop_firmware::protocol::port_registers::{PortRegisters, Register};
+use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
+use multidrop_firmware::{
+    Client, ClientConfig, ManagedPort, PortConfig, Route, Router, managed_receive, managed_run,
+    route,
+};
+
+type Asker = ManagedPort<TestLine, PortRegisters<Bank<4>, NoCoils, NoRules>>;
 
 const TIMEOUT: u64 = 50;
 const CONFIG: ClientConfig = ClientConfig::new().timeout_ms(TIMEOUT as u16);
@@ -28,12 +35,14 @@ fn bus(delay: impl Fn(&[u8]) -> u64 + 'static) -> impl FnMut(&[u8]) -> Vec<(u64,
     }
 }
 
-/// One more port that asks: units 2 and 3 are themselves, 4 is unit 17, 5 is unit 9, which is not there.
-fn asker<const N: usize>(desk: &mut Desk<'_, N>) -> &'static Wire {
+/// One more port that asks, through `through`: it is unit 1; units 2 and 3 are themselves, 4 is unit 17, 5 is unit 9,
+/// which is not there.
+fn open<const A: usize, const N: usize>(
+    desk: &mut Desk<'_, A>,
+    through: Client<TestLine, N>,
+) -> (&'static Wire, &'static Asker) {
     const PORT: PortConfig = PortConfig::new("AS1").slave_id(1);
     let wire = desk.other();
-    let port: &'static Port<TestLine> = Box::leak(Box::new(Port::new(TestLine(wire), &PORT)));
-    let through = desk.port.client(CONFIG);
     let routes = [(2, 2), (3, 3), (4, 17), (5, 9)].map(|(unit, target)| Route {
         unit,
         target,
@@ -41,10 +50,18 @@ fn asker<const N: usize>(desk: &mut Desk<'_, N>) -> &'static Wire {
     });
     let router: &'static Router<TestLine, N> =
         Box::leak(Box::new(Router::new(Box::leak(Box::new(routes)))));
-    desk.spawn(async move { receive_and_route(port, router).await });
-    let line: &'static TestLine = Box::leak(Box::new(TestLine(wire)));
-    desk.spawn(async move { route(line, router).await });
-    wire
+    let port = ManagedPort::new(TestLine(wire), &PORT, PORT.bank(), NoCoils);
+    let port: &'static Asker = Box::leak(Box::new(port.routed(router)));
+    desk.spawn(async move { managed_receive(port).await });
+    desk.spawn(async move { managed_run(port).await });
+    desk.spawn(async move { route(router).await });
+    (wire, port)
+}
+
+/// The same, through the desk's own port.
+fn asker<const N: usize>(desk: &mut Desk<'_, N>) -> &'static Wire {
+    let through = desk.port.client(CONFIG);
+    open(desk, through).0
 }
 
 /// What went out on a line.
@@ -92,6 +109,79 @@ fn others_units_and_broadcasts_are_not_routed() {
     wire.comes(1, Heard::Frame(vec![0, 6, 0, 1, 0, 1]));
     desk.run(60);
     assert_eq!(desk.sent(), [[0; 0]; 0]);
+}
+
+#[test]
+fn the_ports_own_unit_goes_before_its_routes() {
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let through = desk.port.client(CONFIG);
+    let (wire, port) = open(&mut desk, through);
+    port.load(Register::Regs(0), 0x1234).unwrap();
+    for (unit, own) in [(1, false), (3, true), (2, false)] {
+        port.load(Register::SlaveId, unit.into()).unwrap();
+        desk.run(1);
+        wire.comes(1, read(unit, 0));
+        desk.run(SENDS + 4);
+        wire.comes(1, read(3, 0));
+        desk.run(EXCHANGE + SENDS + 2);
+        let expected = if own {
+            vec![3, 3, 2, 0x12, 0x34]
+        } else {
+            told(3, 3, 0)
+        };
+        assert_eq!(sent(wire), [vec![unit, 3, 2, 0x12, 0x34], expected]);
+        wire.sent.borrow_mut().clear();
+    }
+}
+
+#[test]
+fn what_was_asked_before_a_change_of_settings_is_not_answered_after_it() {
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let through = desk.port.client(CONFIG);
+    let (wire, port) = open(&mut desk, through);
+    for (register, value) in [
+        (Register::Baud, 9600),
+        (Register::Mode, 2),
+        (Register::Mode, 1),
+    ] {
+        wire.comes(1, read(2, 7));
+        desk.run(SENDS + 4);
+        port.load(register, value).unwrap();
+        desk.run(4 * EXCHANGE);
+        assert_eq!(sent(wire), [[0; 0]; 0], "{register:?}");
+    }
+    wire.comes(1, read(2, 7));
+    desk.run(EXCHANGE + SENDS + 2);
+    assert_eq!(sent(wire), [told(2, 2, 7)]);
+}
+
+#[test]
+fn a_port_behind_that_is_no_master_is_no_path() {
+    const BEHIND: PortConfig = PortConfig::new("RS4").client();
+    let mut desk = Desk::<1>::new(bus(|_| DELAY));
+    let far = desk.other();
+    let behind = ManagedPort::new(TestLine(far), &BEHIND, BEHIND.bank(), NoCoils);
+    let behind: &'static Asker = Box::leak(Box::new(behind));
+    desk.spawn(async move { managed_receive(behind).await });
+    desk.spawn(async move { managed_run(behind).await });
+    let (wire, _) = open(&mut desk, behind.client(CONFIG));
+    for (mode, told) in [(0, 0x0B), (1, 0x0A), (2, 0x0A), (3, 0x0A), (0, 0x0B)] {
+        behind.load(Register::Mode, mode).unwrap();
+        desk.run(1);
+        far.sent.borrow_mut().clear();
+        wire.comes(1, read(4, 7));
+        // Told at once if nobody is asked.
+        desk.run(SENDS + 4 + if told == 0x0B { SENDS + TIMEOUT + 2 } else { 0 });
+        assert_eq!(sent(wire), [[4, 0x83, told]], "mode {mode}");
+        assert_eq!(sent(far).len(), usize::from(told == 0x0B), "mode {mode}");
+        wire.sent.borrow_mut().clear();
+    }
+    // A request that is under way ends; one that comes behind the change is refused.
+    wire.comes(1, read(4, 7));
+    desk.run(SENDS + 4);
+    behind.load(Register::Mode, 2).unwrap();
+    desk.run(TIMEOUT + SENDS + 2);
+    assert_eq!(sent(wire), [[4, 0x83, 0x0B]]);
 }
 
 #[test]

@@ -84,7 +84,12 @@ fn outcome(result: Result<bool, ClientError>) -> u16 {
         Err(ClientError::WrongUnit(_)) => 0x4004,
         Err(ClientError::Damaged(_)) => 0x4005,
         Err(ClientError::Timeout) => 0x4006,
-        Err(ClientError::Request(_) | ClientError::QueueFull | ClientError::NoSilence) => 0x4007,
+        Err(
+            ClientError::Request(_)
+            | ClientError::QueueFull
+            | ClientError::NotMaster
+            | ClientError::NoSilence,
+        ) => 0x4007,
         Err(ClientError::WrongLength(_)) => 0x4008,
         Err(ClientError::WrongContent) => 0x4009,
     }

@@ -2,8 +2,8 @@
 //!
 //! | port | is |
 //! |---|---|
-//! | AS1 | slave 10, RTU 38400 8N1: tells a PC what was collected, routes units 1, 2 and 3 to RS4, and loads the other ports' registers |
-//! | AS2 | slave 1, ASCII 19200 7E1: 16 registers and 16 coils of its own |
+//! | AS1 | slave 10, RTU 38400 8N1: tells a PC what was collected, loads all ports' registers, and routes units 1, 2 and 3 to RS4 |
+//! | AS2 | slave 1, ASCII 19200 7E1: 16 registers and 16 coils of its own; routes units 11, 12 and 13 to 1, 2 and 3 on RS4 |
 //! | RS2 | prints what RS4 asks and hears, 230400 8N1 |
 //! | RS4 | master, RTU 38400 8N1: polls register 0 of units 1, 2 and 3 by scan list |
 //!
@@ -15,11 +15,12 @@
 //! | | 3, 4, 5 | good answers of each, up to 65535 |
 //! | | 6, 7, 8 | other ends of its polls |
 //! | | 9 | frames that found no room to be printed, modulo 65536 |
-//! | holding registers | 1000 + 2 n | register n of AS2, high word first (`Register::number`; arrays are not there) |
-//! | | 2000 + 2 n, 3000 + 2 n | the same of RS2, and of RS4 |
+//! | holding registers | 1000 + 2 n | register n of AS1, high word first (`Register::number`; arrays are not there) |
+//! | | 2000, 3000, 4000 + 2 n | the same of AS2, RS2 and RS4 |
 //!
 //! Written is one of those at a time, both words by function 16; 03 if the port refuses it. So `BAUD` (22) of RS4 becomes
-//! 9600 with 0 and 9600 written to 3044. AS1 itself is fixed: nobody locks himself out.
+//! 9600 with 0 and 9600 written to 4044. What is written of AS1 itself holds as soon as the write is answered; a reset
+//! brings everything back to what is below.
 #![no_std]
 #![no_main]
 
@@ -34,11 +35,14 @@ use multidrop_firmware::protocol::registers::{Bank, CoilBank, NoCoils, NoRules, 
 use multidrop_firmware::protocol::server::{DataModel, Uncounted};
 use multidrop_firmware::scan::{Entry, Scan};
 use multidrop_firmware::sniff::Tap;
-use multidrop_firmware::{ManagedPort, Manager, Port, PortConfig, Route, Router, Shared, manager};
+use multidrop_firmware::{ManagedPort, Manager, PortConfig, Route, Router, Shared, manager};
 use static_cell::{ConstStaticCell, StaticCell};
 
-/// Those that the manager has, in its order.
-const PORTS: [PortConfig; 3] = manager::table([
+const PORTS: [PortConfig; 4] = manager::table([
+    PortConfig::new("AS1")
+        .slave_id(10)
+        .baud(38_400)
+        .format(LineFormat::F8N1),
     PortConfig::new("AS2")
         .slave_id(1)
         .baud(19_200)
@@ -56,29 +60,24 @@ const PORTS: [PortConfig; 3] = manager::table([
         .format(LineFormat::F8N1),
 ]);
 
-const AS1: PortConfig = PortConfig::new("AS1")
-    .slave_id(10)
-    .baud(38_400)
-    .format(LineFormat::F8N1);
+/// Who asks on RS4: its registers, the scan list, the routers.
+const ASKERS: usize = 4;
 
-/// Who asks on RS4 beside the registers of the port: the scan list and the router.
-const ASKERS: usize = 3;
-
-type As1 = Port<Usart>;
+type As1 = ManagedPort<Usart, PortRegisters<Bank<1>, NoCoils, NoRules>>;
 type As2 = ManagedPort<Usart, PortRegisters<Bank<16>, CoilBank<2>, NoRules>>;
 type Rs2 = ManagedPort<Usart, PortRegisters<Bank<1>, NoCoils, NoRules>>;
 type Rs4 = ManagedPort<Usart, PortRegisters<Bank<16>, NoCoils, NoRules>, Uncounted, ASKERS>;
 type To = Router<Usart, ASKERS>;
 type Polled = Scan<3, 3>;
 
-/// Where the registers of the first managed port begin, and how far apart they are.
+/// Where the registers of the first port begin, and how far apart they are.
 const SETTINGS: u16 = 1000;
 
 /// What AS1 tells.
 struct Told {
     polled: &'static Polled,
     tap: &'static Tap<384>,
-    manager: Manager<3>,
+    manager: Manager<4>,
 }
 
 /// The port, its register, and whether the address is that of the low word.
@@ -145,55 +144,56 @@ impl DataModel for Told {
     }
 }
 
-#[embassy_executor::task]
-async fn as1_receive(port: &'static As1, router: &'static To) -> ! {
-    multidrop_firmware::receive_and_route(port, router).await
-}
-
-#[embassy_executor::task]
-async fn as1_serve(port: &'static As1, told: &'static Shared<Told>) -> ! {
-    multidrop_firmware::serve(port, told).await
-}
-
-#[embassy_executor::task]
-async fn as1_route(port: &'static As1, router: &'static To) -> ! {
-    multidrop_firmware::route(port.line(), router).await
-}
-
-/// The two tasks of a managed port.
-macro_rules! managed {
-    ($($port:ident: $receive:ident, $run:ident;)*) => { $(
+/// The tasks of the ports.
+macro_rules! tasks {
+    ($($port:ident: $receive:ident, $run:ident($($model:ident: $type:ty)?) $function:ident;)*) => { $(
         #[embassy_executor::task]
         async fn $receive(port: &'static $port) -> ! {
             multidrop_firmware::managed_receive(port).await
         }
 
         #[embassy_executor::task]
-        async fn $run(port: &'static $port) -> ! {
-            multidrop_firmware::managed_run(port).await
+        async fn $run(port: &'static $port $(, $model: $type)?) -> ! {
+            multidrop_firmware::$function(port $(, $model)?).await
         }
     )* };
 }
 
-managed! {
-    As2: as2_receive, as2_run;
-    Rs2: rs2_receive, rs2_run;
-    Rs4: rs4_receive, rs4_run;
+tasks! {
+    As1: as1_receive, as1_run(told: &'static Shared<Told>) managed_serve;
+    As2: as2_receive, as2_run() managed_run;
+    Rs2: rs2_receive, rs2_run() managed_run;
+    Rs4: rs4_receive, rs4_run() managed_run;
+}
+
+#[embassy_executor::task(pool_size = 2)]
+async fn route(router: &'static To) -> ! {
+    multidrop_firmware::route(router).await
 }
 
 #[embassy_executor::task]
 async fn poll(port: &'static Rs4, polled: &'static Polled) -> ! {
-    polled.run(port.client(PORTS[2].times())).await
+    polled.run(port.client(PORTS[3].times())).await
+}
+
+/// Leads from these units to 1, 2 and 3 on RS4.
+fn routes(rs4: &'static Rs4, units: [u8; 3]) -> [Route<Usart, ASKERS>; 3] {
+    let through = rs4.client(PORTS[3].times());
+    core::array::from_fn(|place| Route {
+        unit: units[place],
+        target: place as u8 + 1,
+        through,
+    })
 }
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let board = board_stm32::init();
     let lines = (
-        board.as1.open(const { PortSettings::new(&AS1) }),
-        board.as2.open(const { PortSettings::new(&PORTS[0]) }),
-        board.rs2.open(const { PortSettings::new(&PORTS[1]) }),
-        board.rs4.open(const { PortSettings::new(&PORTS[2]) }),
+        board.as1.open(const { PortSettings::new(&PORTS[0]) }),
+        board.as2.open(const { PortSettings::new(&PORTS[1]) }),
+        board.rs2.open(const { PortSettings::new(&PORTS[2]) }),
+        board.rs4.open(const { PortSettings::new(&PORTS[3]) }),
     );
     info!("ports: AS1, AS2, RS2, RS4");
 
@@ -206,47 +206,46 @@ fn main() -> ! {
     let tap: &'static _ = TAP.take();
     let polled: &'static _ = POLLED.take();
 
-    static AS1_CELL: StaticCell<As1> = StaticCell::new();
-    let as1: &'static _ = AS1_CELL.init(Port::new(lines.0, &AS1));
-    static AS2_CELL: StaticCell<As2> = StaticCell::new();
-    let as2: &'static _ = AS2_CELL.init(ManagedPort::new(
-        lines.1,
-        &PORTS[0],
-        PORTS[0].bank(),
-        PORTS[0].coil_bank(16),
-    ));
-    static RS2_CELL: StaticCell<Rs2> = StaticCell::new();
-    let rs2 = ManagedPort::new(lines.2, &PORTS[1], PORTS[1].bank(), NoCoils);
-    let rs2: &'static _ = RS2_CELL.init(rs2.voiced(tap));
-    static RS4_CELL: StaticCell<Rs4> = StaticCell::new();
-    let rs4: &'static _ = RS4_CELL.init(ManagedPort::with(
+    static RS4: StaticCell<Rs4> = StaticCell::new();
+    let rs4: &'static _ = RS4.init(ManagedPort::with(
         lines.3.shown_to(tap),
-        &PORTS[2],
-        PORTS[2].bank(),
+        &PORTS[3],
+        PORTS[3].bank(),
         NoCoils,
         Uncounted,
     ));
+    static RS2: StaticCell<Rs2> = StaticCell::new();
+    let rs2 = ManagedPort::new(lines.2, &PORTS[2], PORTS[2].bank(), NoCoils);
+    let rs2: &'static _ = RS2.init(rs2.voiced(tap));
 
-    static ROUTES: StaticCell<[Route<Usart, ASKERS>; 3]> = StaticCell::new();
-    let routes = ROUTES.init([1, 2, 3].map(|unit| Route {
-        unit,
-        target: unit,
-        through: rs4.client(PORTS[2].times()),
-    }));
-    static ROUTER: StaticCell<To> = StaticCell::new();
-    let router: &'static _ = ROUTER.init(Router::new(routes));
+    static AS2_ROUTES: StaticCell<[Route<Usart, ASKERS>; 3]> = StaticCell::new();
+    static AS2_ROUTER: StaticCell<To> = StaticCell::new();
+    static AS2: StaticCell<As2> = StaticCell::new();
+    let as2_router = AS2_ROUTER.init(Router::new(AS2_ROUTES.init(routes(rs4, [11, 12, 13]))));
+    let (bank, coils) = (PORTS[1].bank(), PORTS[1].coil_bank(16));
+    let as2 = ManagedPort::new(lines.1, &PORTS[1], bank, coils);
+    let as2: &'static _ = AS2.init(as2.routed(as2_router));
+
+    static AS1_ROUTES: StaticCell<[Route<Usart, ASKERS>; 3]> = StaticCell::new();
+    static AS1_ROUTER: StaticCell<To> = StaticCell::new();
+    static AS1: StaticCell<As1> = StaticCell::new();
+    let as1_router = AS1_ROUTER.init(Router::new(AS1_ROUTES.init(routes(rs4, [1, 2, 3]))));
+    let as1 = ManagedPort::new(lines.0, &PORTS[0], PORTS[0].bank(), NoCoils);
+    let as1: &'static _ = AS1.init(as1.routed(as1_router));
+
     static TOLD: StaticCell<Shared<Told>> = StaticCell::new();
     let told: &'static _ = TOLD.init(Shared::new(Told {
         polled,
         tap,
-        manager: Manager::new([as2, rs2, rs4]),
+        manager: Manager::new([as1, as2, rs2, rs4]),
     }));
     board_stm32::run(|spawner| {
-        spawner.spawn(as1_receive(as1, router).unwrap());
-        spawner.spawn(as1_serve(as1, told).unwrap());
-        spawner.spawn(as1_route(as1, router).unwrap());
+        spawner.spawn(as1_receive(as1).unwrap());
+        spawner.spawn(as1_run(as1, told).unwrap());
+        spawner.spawn(route(as1_router).unwrap());
         spawner.spawn(as2_receive(as2).unwrap());
         spawner.spawn(as2_run(as2).unwrap());
+        spawner.spawn(route(as2_router).unwrap());
         spawner.spawn(rs2_receive(rs2).unwrap());
         spawner.spawn(rs2_run(rs2).unwrap());
         spawner.spawn(rs4_receive(rs4).unwrap());

@@ -126,16 +126,18 @@ impl Usart {
 }
 
 impl Line for Usart {
-    const SNIFFS: bool = true;
+    const HAS_NEIGHBOURS: bool = true;
 
-    async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
-        let heard = poll_fn(|context| {
+    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
+        poll_fn(|context| {
             self.with(|state| {
                 state.chip.receiver.register(context.waker());
-                state.machine.fetch().map_or(Poll::Pending, Poll::Ready)
+                let heard = state.machine.fetch();
+                heard.map_or(Poll::Pending, |heard| {
+                    Poll::Ready(heard.map(|len| self.frame(len)))
+                })
             })
-        });
-        heard.await.map(|len| self.frame(len))
+        })
     }
 
     fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {

@@ -13,6 +13,8 @@ pub enum ClientError {
     Request(RequestError),
     /// More tasks ask than the `N` of the port; nothing was sent.
     QueueFull,
+    /// The [managed port](crate::managed) is not master; nothing was sent.
+    NotMaster,
     /// The line was not silent for as long as the timeout; nothing was sent.
     NoSilence,
     /// The server refused. Data on the wire, not a fault.
@@ -49,7 +51,7 @@ impl ClientError {
     /// Whose fault it is.
     pub const fn blame(self) -> Blame {
         match self {
-            Self::Request(_) | Self::QueueFull => Blame::Caller,
+            Self::Request(_) | Self::QueueFull | Self::NotMaster => Blame::Caller,
             Self::Exception(_)
             | Self::UnknownException(_)
             | Self::WrongUnit(_)
@@ -63,7 +65,9 @@ impl ClientError {
     /// Whether the same request may do better another time.
     pub(crate) const fn is_passing(self) -> bool {
         match self {
-            Self::Request(_) | Self::QueueFull | Self::UnknownException(_) => false,
+            Self::Request(_) | Self::QueueFull | Self::NotMaster | Self::UnknownException(_) => {
+                false
+            }
             Self::Exception(exception) => matches!(exception, Exception::ServerDeviceBusy),
             _ => true,
         }
@@ -94,6 +98,7 @@ impl fmt::Display for ClientError {
         match *self {
             Self::Request(error) => write!(f, "not sent: {error}"),
             Self::QueueFull => f.write_str("not sent: more tasks ask than the port is for"),
+            Self::NotMaster => f.write_str("not sent: the port is not master"),
             Self::NoSilence => f.write_str("not sent: the line was not silent"),
             Self::Exception(exception) => {
                 write!(f, "exception {:02X}: {exception:?}", exception.code())

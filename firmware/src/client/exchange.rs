@@ -2,6 +2,7 @@
 
 use core::cell::Cell;
 
+use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
 use embassy_sync::signal::Signal;
@@ -22,6 +23,8 @@ pub(crate) type Turn<const N: usize> = SemaphoreReleaser<'static, FairSemaphore<
 /// of them still has its place in the queue.
 pub struct Exchange<L: Line + 'static, const N: usize> {
     turn: FairSemaphore<NoopRawMutex, N>,
+    /// Nobody may ask.
+    is_closed: Cell<bool>,
     heard: Signal<NoopRawMutex, Heard<L>>,
     expecting: Cell<bool>,
     /// The answer to a request may come that nobody waits for any more, until then.
@@ -34,6 +37,7 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
     pub const fn new() -> Self {
         Self {
             turn: FairSemaphore::new(1),
+            is_closed: Cell::new(false),
             heard: Signal::new(),
             expecting: Cell::new(false),
             is_owed: Cell::new(false),
@@ -62,11 +66,40 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
     }
 
     /// Waits for the line, behind those who asked before.
-    pub(crate) async fn turn(&'static self) -> Result<Turn<N>, ClientError> {
-        self.turn
-            .acquire(1)
-            .await
-            .map_err(|_| ClientError::QueueFull)
+    pub(super) async fn turn(&'static self) -> Result<Turn<N>, ClientError> {
+        if self.is_closed.get() {
+            // Who tries again and again lets others run.
+            yield_now().await;
+            return Err(ClientError::NotMaster);
+        }
+        let turn = self.turn.acquire(1).await;
+        let turn = turn.map_err(|_| ClientError::QueueFull)?;
+        // Closed meanwhile: the next one is told the same.
+        match self.is_closed.get() {
+            true => Err(ClientError::NotMaster),
+            false => Ok(turn),
+        }
+    }
+
+    /// From now on nobody may ask; who waits is refused.
+    pub(crate) fn close(&self) {
+        self.is_closed.set(true);
+    }
+
+    /// All may ask.
+    pub(crate) fn open(&self) {
+        self.is_closed.set(false);
+    }
+
+    /// Waits until no request is under way; none begins as long as the result lives.
+    pub(crate) async fn hold(&'static self) -> Turn<N> {
+        loop {
+            match self.turn.acquire(1).await {
+                Ok(turn) => return turn,
+                // More wait than there are places for.
+                Err(_) => yield_now().await,
+            }
+        }
     }
 
     /// Whether the answer to a request that was given up may still come.

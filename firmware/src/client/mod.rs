@@ -44,7 +44,6 @@ mod transaction;
 
 pub use error::{Blame, ClientError};
 pub use exchange::Exchange;
-pub(crate) use exchange::Turn;
 pub use port::{ClientPort, client_receive};
 pub use transaction::Reply;
 

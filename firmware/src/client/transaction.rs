@@ -1,6 +1,6 @@
 //! One request, from its turn to its end.
 
-use core::future::poll_fn;
+use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
@@ -78,135 +78,148 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
     ///
     /// # Cancellation
     /// Safe, see [`Client`].
-    pub async fn transact(
+    pub fn transact(
         &self,
         unit: u8,
         request: &dyn Request,
-    ) -> Result<Option<Reply<L, N>>, ClientError> {
-        self.run(unit, request, Destination::Nothing).await
+    ) -> impl Future<Output = Result<Option<Reply<L, N>>, ClientError>> {
+        self.run(unit, request, Destination::Nothing)
     }
 
     /// The same, and the data goes to `into`: at t1.5, before it is known whether the answer stands. What takes
     /// long is done then, and the next request starts in time.
-    pub(super) async fn run(
+    //
+    // Not an `async fn`, which would keep each argument twice.
+    pub(super) fn run(
         &self,
         unit: u8,
         request: &dyn Request,
         mut into: Destination<'_>,
-    ) -> Result<Option<Reply<L, N>>, ClientError> {
-        let mut retries = self.config.retries;
-        loop {
-            let turn = self.exchange.turn().await?;
-            let error = 'tried: {
-                if self.exchange.is_owed() {
-                    self.collect().await;
-                }
-
-                let mut give_up = None;
-                let (function, answered, debt) = loop {
-                    let mut frame = match self.lend(&mut give_up).await {
-                        Ok(frame) => frame,
-                        Err(error) => break 'tried error,
-                    };
-                    let encoded = encode(request, unit, frame.adu())?;
-                    let function = frame.bytes()[1];
-                    self.line
-                        .show(Ok(&frame.bytes()[..usize::from(encoded.len)]));
-                    frame.release(encoded.len);
-                    let debt = self.exchange.owe(if encoded.answered {
-                        self.config.timeout
-                    } else {
-                        self.config.turnaround
-                    });
-                    if frame.sent().await {
-                        break (function, encoded.answered, debt);
+    ) -> impl Future<Output = Result<Option<Reply<L, N>>, ClientError>> {
+        async move {
+            let mut retries = self.config.retries;
+            loop {
+                let turn = self.exchange.turn().await?;
+                let error = 'tried: {
+                    if self.exchange.is_owed() {
+                        self.collect().await;
                     }
-                    // Somebody has begun to talk.
-                    debt.settle();
-                };
-                if !answered {
-                    Timer::after(self.config.turnaround()).await;
-                    debt.settle();
-                    return Ok(None);
-                }
 
-                let expecting = self.exchange.expect();
-                let mut deadline = Instant::now() + self.config.timeout();
-                let mut end = ClientError::Timeout;
-                let mut acknowledged = false;
-                let error = loop {
-                    let Ok(heard) = with_deadline(deadline, expecting.heard()).await else {
-                        break end;
+                    // Of the wait for silence first, then of that for the answer.
+                    let mut deadline = Instant::MIN;
+                    let (function, answered, debt) = loop {
+                        let mut frame = match self.lend(&mut deadline).await {
+                            Ok(frame) => frame,
+                            Err(error) => break 'tried error,
+                        };
+                        let encoded = encode(request, unit, frame.adu())?;
+                        let function = frame.bytes()[1];
+                        self.line
+                            .show(Ok(&frame.bytes()[..usize::from(encoded.len)]));
+                        frame.release(encoded.len);
+                        let debt = self.exchange.owe(if encoded.answered {
+                            self.config.timeout
+                        } else {
+                            self.config.turnaround
+                        });
+                        if frame.sent().await {
+                            break (function, encoded.answered, debt);
+                        }
+                        // Somebody has begun to talk.
+                        debt.settle();
                     };
-                    let error = match heard {
-                        Err(flaws) => ClientError::Damaged(flaws),
-                        Ok(mut frame) => {
-                            let judged = judge(request, unit, function, self::heard(&frame));
-                            if judged.is_ok() {
-                                into.take(self::heard(&frame));
-                            }
-                            match judged {
-                                Err(error) if !error.is_exception() => error.into(),
-                                _ if !frame.settle().await => ClientError::Damaged(Flaws::GAP),
-                                Ok(()) => {
-                                    debt.settle();
-                                    return Ok(Some(Reply { frame, _turn: turn }));
+                    if !answered {
+                        Timer::after(self.config.turnaround()).await;
+                        debt.settle();
+                        return Ok(None);
+                    }
+
+                    let expecting = self.exchange.expect();
+                    deadline = Instant::now() + self.config.timeout();
+                    let mut end = ClientError::Timeout;
+                    let mut acknowledged = false;
+                    let error = loop {
+                        let Ok(heard) = with_deadline(deadline, expecting.heard()).await else {
+                            break end;
+                        };
+                        let error = match heard {
+                            Err(flaws) => ClientError::Damaged(flaws),
+                            Ok(mut frame) => {
+                                let judged = judge(request, unit, function, self::heard(&frame));
+                                if judged.is_ok() {
+                                    into.take(self::heard(&frame));
                                 }
-                                Err(error) => error.into(),
+                                match judged {
+                                    Err(error) if !error.is_exception() => error.into(),
+                                    _ if !frame.settle().await => ClientError::Damaged(Flaws::GAP),
+                                    Ok(()) => {
+                                        debt.settle();
+                                        return Ok(Some(Reply { frame, _turn: turn }));
+                                    }
+                                    Err(error) => error.into(),
+                                }
                             }
+                        };
+                        match error {
+                            ClientError::Exception(Exception::Acknowledge) if !acknowledged => {
+                                acknowledged = true;
+                                deadline = Instant::now() + self.config.timeout();
+                                end = error;
+                            }
+                            ClientError::Exception(_) | ClientError::UnknownException(_) => {
+                                break error;
+                            }
+                            // Once the server has accepted the request, that is what is to be told.
+                            _ if acknowledged => {}
+                            _ => end = error,
                         }
                     };
-                    match error {
-                        ClientError::Exception(Exception::Acknowledge) if !acknowledged => {
-                            acknowledged = true;
-                            deadline = Instant::now() + self.config.timeout();
-                            end = error;
-                        }
-                        ClientError::Exception(_) | ClientError::UnknownException(_) => {
-                            break error;
-                        }
-                        // Once the server has accepted the request, that is what is to be told.
-                        _ if acknowledged => {}
-                        _ => end = error,
-                    }
+                    debt.settle();
+                    error
                 };
-                debt.settle();
-                error
-            };
-            // Others may ask before this is tried again.
-            drop(turn);
-            if retries == 0 || !error.is_passing() {
-                return Err(error);
-            }
-            retries -= 1;
-            if matches!(error, ClientError::Exception(_)) {
-                Timer::after(self.config.timeout()).await;
+                // Others may ask before this is tried again.
+                drop(turn);
+                if retries == 0 || !error.is_passing() {
+                    return Err(error);
+                }
+                retries -= 1;
+                if matches!(error, ClientError::Exception(_)) {
+                    Timer::after(self.config.timeout()).await;
+                }
             }
         }
     }
 
     /// Waits for the answer to a request that was given up, and drops it; or until all are done with a broadcast.
-    async fn collect(&self) {
+    fn collect(&self) -> impl Future<Output = ()> {
         let expecting = self.exchange.expect();
-        let until = self.exchange.owed_until();
-        while let Ok(Err(_)) = with_deadline(until, expecting.heard()).await {}
-        self.exchange.settle();
+        async move {
+            while let Ok(Err(_)) =
+                with_deadline(self.exchange.owed_until(), expecting.heard()).await
+            {}
+            self.exchange.settle();
+        }
     }
 
     /// The buffer to send from. The time is looked at only if there is anything to wait for: a request
-    /// right after an answer has none to lose.
-    async fn lend(&self, give_up: &mut Option<Instant>) -> Result<Frame<'static, L>, ClientError> {
-        let line: &'static L = self.line;
-        let mut lent = pin!(line.lend());
-        if let Poll::Ready(frame) =
-            poll_fn(|context| Poll::Ready(lent.as_mut().poll(context))).await
-        {
-            return Ok(frame);
+    /// right after an answer has none to lose. `deadline` is set then, if it is not yet.
+    fn lend(
+        &self,
+        deadline: &mut Instant,
+    ) -> impl Future<Output = Result<Frame<'static, L>, ClientError>> {
+        async move {
+            // What is asked once and dropped has lent nothing.
+            let now = poll_fn(|context| Poll::Ready(pin!(self.line.lend()).poll(context)));
+            if let Poll::Ready(frame) = now.await {
+                return Ok(frame);
+            }
+            if *deadline == Instant::MIN {
+                *deadline = Instant::now() + self.config.timeout();
+            }
+            with_deadline(*deadline, self.line.lend())
+                .await
+                .map_err(|_| ClientError::NoSilence)
         }
-        let deadline = *give_up.get_or_insert_with(|| Instant::now() + self.config.timeout());
-        with_deadline(deadline, lent)
-            .await
-            .map_err(|_| ClientError::NoSilence)
     }
 }
 

@@ -32,7 +32,9 @@ impl Failure {
             ClientError::UnknownException(_) => Status::Idle,
             ClientError::WrongUnit(_) => Status::WrongSlave,
             ClientError::Damaged(_) => Status::WrongCrc,
-            ClientError::Request(_) | ClientError::QueueFull => Status::InvalidRequest,
+            ClientError::Request(_) | ClientError::QueueFull | ClientError::NotMaster => {
+                Status::InvalidRequest
+            }
             ClientError::NoSilence
             | ClientError::Timeout
             | ClientError::WrongLength(_)

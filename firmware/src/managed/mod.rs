@@ -2,9 +2,12 @@
 //!
 //! [`ManagedPort`] is what its two tasks share with the application: [`managed_receive`] takes frames from the
 //! line, [`managed_run`] does all else, one thing at a time: it answers as a slave, carries out what START has
-//! started as a master, listens or prints as a [sniffer](crate::sniff), and follows loads of MODE, SLAVEID and the settings of the line in between. So a
-//! setting is never changed under a request, an answer or a transaction, and nothing of an old setting is on the
-//! wire with a new one.
+//! started as a master, listens or prints as a [sniffer](crate::sniff), and follows loads of MODE, SLAVEID and the
+//! settings of the line in between. So a setting is never changed under a request, an answer or a transaction, and
+//! nothing of an old setting is on the wire with a new one.
+//!
+//! A slave answers with the port's own arrays; with a data model of the application where [`managed_serve`] stands in for
+//! [`managed_run`]; and for other units through a [router](crate::route).
 //!
 //! ```ignore
 //! const RS4: PortConfig = PortConfig::new("RS4").baud(38_400).slave_id(17);
@@ -30,7 +33,7 @@ mod failure;
 mod tasks;
 
 pub use failure::{Failure, Outcome};
-pub use tasks::{managed_receive, managed_run};
+pub use tasks::{managed_receive, managed_run, managed_serve};
 
 use core::cell::Cell;
 
@@ -46,6 +49,7 @@ use multidrop_protocol::server::{Counted, Server, Uncounted};
 use crate::client::{Client, ClientConfig, Exchange};
 use crate::config::{PortConfig, client_config, line_config};
 use crate::line::{Frame, Line, LineConfig, LineError};
+use crate::route::Gateway;
 use crate::shared::Shared;
 use crate::sniff::Voice;
 
@@ -80,6 +84,7 @@ pub struct ManagedPort<L: Line + 'static, P, D = Uncounted, const N: usize = 1> 
     done: Signal<NoopRawMutex, Outcome>,
     events: Channel<NoopRawMutex, Outcome, EVENTS>,
     voice: Option<&'static dyn Voice>,
+    router: Option<&'static dyn Gateway>,
 }
 
 impl<L, R, C, V> ManagedPort<L, PortRegisters<R, C, V>>
@@ -128,24 +133,34 @@ where
     /// If the arrays run past address 65535; [`PortConfig::bank`] finds that at compile time.
     pub fn with(line: L, config: &PortConfig, regs: R, coils: C, diagnostics: D) -> Self {
         let settings = *config.settings();
+        let exchange = Exchange::new();
+        if settings.mode != Mode::Master {
+            exchange.close();
+        }
         Self {
             name: config.name(),
             line,
             registers: Shared::new(PortRegisters::new(settings, regs, coils)),
             server: Server::with(config.unit().max(1), diagnostics),
-            exchange: Exchange::new(),
+            exchange,
             requests: Signal::new(),
-            // A client that asks before the run task has begun is answered too.
-            mode: Cell::new(match settings.mode {
-                Mode::Master => Mode::Master,
-                _ => Mode::Off,
-            }),
+            mode: Cell::new(settings.mode),
             config: Cell::new(config.line()),
             started: Cell::new(None),
             work: Signal::new(),
             done: Signal::new(),
             events: Channel::new(),
             voice: None,
+            router: None,
+        }
+    }
+
+    /// The same with routes to units on other ports, for requests that come in while it is a slave.
+    pub fn routed(self, router: &'static dyn Gateway) -> Self {
+        const { assert!(L::HAS_NEIGHBOURS, "no other port to route to") };
+        Self {
+            router: Some(router),
+            ..self
         }
     }
 
@@ -170,7 +185,7 @@ where
     /// [`Refused`]: names register, value, and what would be right. The old value is kept, and a
     /// transaction under way is untouched.
     pub fn load(&self, register: Register, value: u32) -> Result<(), Refused> {
-        if !L::SNIFFS && register == Register::Mode && value == Mode::Sniffer as u32 {
+        if !L::HAS_NEIGHBOURS && register == Register::Mode && value == Mode::Sniffer as u32 {
             return Err(Refused {
                 register,
                 value,
@@ -263,8 +278,8 @@ where
         &self.server
     }
 
-    /// A client for requests that the registers do not describe. Its requests wait as long as the port is not
-    /// master.
+    /// A client for requests that the registers do not describe. As long as the port is not master they are
+    /// refused: [`ClientError::NotMaster`](crate::client::ClientError::NotMaster).
     pub const fn client(&'static self, times: ClientConfig) -> Client<L, N> {
         Client::new(&self.line, &self.exchange, times)
     }

@@ -3,19 +3,21 @@
 use core::cell::Cell;
 use core::future::{Future, poll_fn};
 use core::pin::pin;
-use core::task::{Poll, ready};
+use core::task::{Context, Poll, ready};
 
+use embassy_futures::yield_now;
 use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
 use multidrop_protocol::format::Framing;
-use multidrop_protocol::port_registers::{Mode, PortRegisters, Status, Step, Transaction};
+use multidrop_protocol::port_registers::{Mode, PortRegisters, Status, Step};
 use multidrop_protocol::registers::{Items, Rules};
 use multidrop_protocol::rtu::Flaws;
-use multidrop_protocol::server::{Diagnostics, Plan};
+use multidrop_protocol::server::{DataModel, Diagnostics, Plan};
 
-use super::{Failure, ManagedPort, Outcome};
-use crate::client::{Client, ClientConfig, ClientError, Turn};
+use super::{Failure, ManagedPort, Outcome, Started};
+use crate::client::{Client, ClientError};
 use crate::config::line_config;
 use crate::line::{Frame, Line, LineConfig};
+use crate::route::Gateway;
 use crate::shared::Shared;
 
 /// Runs for ever: takes frames from the line and hands them to who they are for in the port's mode.
@@ -32,14 +34,18 @@ pub async fn managed_receive<L: Line, P, D: Diagnostics, const N: usize>(
                 port.line.show(seen(&heard));
                 port.exchange.offer(heard);
             }
-            (Mode::Sniffer, Ok(frame)) if L::SNIFFS && !port.prints() => {
+            (Mode::Sniffer, Ok(frame)) if L::HAS_NEIGHBOURS && !port.prints() => {
                 port.requests.signal(frame)
             }
-            (Mode::Sniffer, Err(flaws)) if L::SNIFFS && !port.prints() => {
+            (Mode::Sniffer, Err(flaws)) if L::HAS_NEIGHBOURS && !port.prints() => {
                 port.line.show(Err(flaws))
             }
-            (Mode::Slave, Ok(frame)) if port.server.is_concerned(frame.unit()) => {
-                port.requests.signal(frame);
+            (Mode::Slave, Ok(frame)) => {
+                port.give_up_routed();
+                let unit = frame.unit();
+                if port.server.is_concerned(unit) || port.router_to(unit).is_some() {
+                    port.requests.signal(frame);
+                }
             }
             (Mode::Slave, Err(flaws)) => port.server.damaged(flaws),
             _ => {}
@@ -47,7 +53,7 @@ pub async fn managed_receive<L: Line, P, D: Diagnostics, const N: usize>(
     }
 }
 
-/// Runs for ever: answers, asks, and follows what was loaded, one after the other.
+/// Runs for ever: answers with the port's arrays, asks, and follows what was loaded, one after the other.
 ///
 /// # Cancellation
 /// Safe at any await: a request is given up, an answer or a request under way ends with the character in
@@ -62,27 +68,29 @@ where
     V: Rules + 'static,
     D: Diagnostics,
 {
-    // Held while the port is no master, so that no client talks.
-    let mut turn = None;
     loop {
-        // What was loaded behind START is for later.
-        let started = port.started.take();
-        let (mode, line) = match &started {
-            Some(started) => (Mode::Master, started.line),
-            None => port.registers.with(|registers| {
-                let settings = registers.settings();
-                port.server.set_unit(settings.slave_id);
-                (settings.mode, line_config(settings.mode, &settings.line))
-            }),
-        };
-        if mode != port.mode.get() || line != port.config.get() {
-            port.follow(&mut turn, mode, line).await;
-        }
-        if let Some(started) = started {
-            port.transact(started.transaction, started.times).await;
-        } else if let Some(frame) = port.next().await {
-            port.attend(frame).await;
-        }
+        port.step(&port.registers).await;
+    }
+}
+
+/// The same, but a slave answers with `model` in place of the port's arrays.
+///
+/// # Cancellation
+/// As [`managed_run`].
+pub async fn managed_serve<L, R, C, V, D, M, const N: usize>(
+    port: &'static ManagedPort<L, PortRegisters<R, C, V>, D, N>,
+    model: &Shared<M>,
+) -> !
+where
+    L: Line,
+    R: Items<Item = u16> + 'static,
+    C: Items<Item = bool> + 'static,
+    V: Rules + 'static,
+    D: Diagnostics,
+    M: DataModel,
+{
+    loop {
+        port.step(model).await;
     }
 }
 
@@ -93,15 +101,66 @@ fn seen<'a, L: Line>(heard: &'a Result<Frame<'static, L>, Flaws>) -> Result<&'a 
     }
 }
 
-impl<L: Line, P, D, const N: usize> ManagedPort<L, P, D, N> {
+impl<L: Line, P, D: Diagnostics, const N: usize> ManagedPort<L, P, D, N> {
     /// The mode is changed by the task that asks this.
     fn is_sniffer(&self) -> bool {
-        L::SNIFFS && self.mode.get() == Mode::Sniffer
+        L::HAS_NEIGHBOURS && self.mode.get() == Mode::Sniffer
     }
 
     /// Whether it prints, as far as its line is concerned.
     fn prints(&self) -> bool {
         self.config.get().framing == Framing::Text
+    }
+
+    /// Who asks `unit` on another port.
+    fn router_to(&self, unit: u8) -> Option<&'static dyn Gateway> {
+        let router = self.router.filter(|_| L::HAS_NEIGHBOURS)?;
+        (unit != self.server.unit() && router.leads_to(unit)).then_some(router)
+    }
+
+    /// Whoever was waiting for a routed answer has given it up.
+    fn give_up_routed(&self) {
+        if L::HAS_NEIGHBOURS
+            && let Some(router) = self.router
+        {
+            router.give_up();
+        }
+    }
+
+    /// Whether there is something to be sent that nobody on the line has just asked for.
+    fn poll_own(&self, context: &mut Context<'_>) -> Poll<()> {
+        match (self.mode.get(), self.voice, self.router) {
+            (Mode::Sniffer, Some(voice), _) if self.prints() => voice.poll_text(context),
+            (Mode::Slave, _, Some(router)) => router.poll_answer(context),
+            _ => Poll::Pending,
+        }
+    }
+
+    /// Sends that: some text, or the answer to a routed request.
+    async fn say(&self, frame: &mut Frame<'static, L>) {
+        let voice = self.voice.filter(|_| self.is_sniffer());
+        let len = match (voice, self.router) {
+            (Some(voice), _) => voice.text(frame.adu()),
+            (None, Some(router)) => router.answer(frame.adu()),
+            (None, None) => 0,
+        };
+        if len > 0 {
+            frame.release(len);
+            // Whoever talks instead of waiting for an answer has given it up; text is said again.
+            if frame.sent().await
+                && let Some(voice) = voice
+            {
+                voice.spoken(len);
+            }
+        }
+    }
+
+    /// Shows what a sniffer hears, if it stands. What does not is heard again as a damaged frame.
+    async fn sniff(&self, frame: &mut Frame<'static, L>) {
+        if frame.settle().await {
+            let len = usize::from(frame.request_len());
+            self.line.show(Ok(&frame.bytes()[..len]));
+        }
     }
 }
 
@@ -113,8 +172,25 @@ where
     V: Rules + 'static,
     D: Diagnostics,
 {
-    /// A frame to attend to, or `None` if something was loaded that is to be followed.
-    async fn next(&'static self) -> Option<Frame<'static, L>> {
+    /// One thing: what was loaded, a transaction, or a frame.
+    fn step<M: DataModel>(&'static self, model: &Shared<M>) -> impl Future<Output = ()> {
+        // Neither this nor what it waits for is an `async fn`, which keeps its arguments twice; and a frame is in one
+        // place only. There is one of these for each port.
+        async move {
+            self.follow().await;
+            // Nothing can have been started since: what it needs is in effect.
+            if let Some(started) = self.started.take() {
+                return self.transact(started).await;
+            }
+            let Some(frame) = self.next().await else {
+                return;
+            };
+            self.attend(model, frame).await;
+        }
+    }
+
+    /// A frame to attend to, empty if it is to be filled, or `None` if something was loaded that is to be followed.
+    fn next(&'static self) -> impl Future<Output = Option<Frame<'static, L>>> {
         poll_fn(|context| {
             if let Poll::Ready(frame) = pin!(self.requests.wait()).poll(context) {
                 return Poll::Ready(Some(frame));
@@ -122,131 +198,137 @@ where
             if pin!(self.work.wait()).poll(context).is_ready() {
                 return Poll::Ready(None);
             }
-            match self.voice {
-                Some(voice) if self.is_sniffer() && self.prints() => {
-                    ready!(voice.poll_text(context));
-                    pin!(self.line.lend()).poll(context).map(Some)
-                }
-                _ => Poll::Pending,
+            if L::HAS_NEIGHBOURS {
+                ready!(self.poll_own(context));
+                return pin!(self.line.lend()).poll(context).map(Some);
             }
+            Poll::Pending
         })
-        .await
     }
 
-    /// Puts mode and line into effect. No request is being answered, and none waits to be: this task takes them
-    /// before it comes here.
-    async fn follow(&'static self, turn: &mut Option<Turn<N>>, mode: Mode, line: LineConfig) {
-        // A client may be in the middle of a request.
-        while turn.is_none() {
-            match self.exchange.turn().await {
-                Ok(mine) => *turn = Some(mine),
-                Err(_) => yield_now().await,
-            }
-        }
-        if line != self.config.get() {
-            // What is heard until then is of neither.
-            self.mode.set(Mode::Off);
-            // Checked before it was accepted.
-            let _ = self.line.configure(line).await;
-            self.config.set(line);
-        }
-        self.mode.set(mode);
-        if mode == Mode::Master {
-            *turn = None;
+    /// Mode and line as they are to be: of what was started, else as loaded. What was loaded behind START is for later.
+    fn target(&self) -> (Mode, LineConfig) {
+        match self.started.get() {
+            Some(started) => (Mode::Master, started.line),
+            None => self.registers.with(|registers| {
+                let settings = registers.settings();
+                self.server.set_unit(settings.slave_id);
+                (settings.mode, line_config(settings.mode, &settings.line))
+            }),
         }
     }
 
-    /// A request is answered, as [`serve`](crate::serve()) does. A sniffer shows a frame that stands, and what does not
-    /// is heard again as a damaged one; or it prints some text. These are not functions of their own so that
-    /// they cost nothing where there is no sniffer.
-    async fn attend(&self, mut frame: Frame<'static, L>) {
-        let request_len = frame.request_len();
-        let listens = self.is_sniffer() && request_len > 0;
-        let mut plan = Plan::Ignore;
-        let mut early = 0;
-        if !self.is_sniffer() {
-            plan = self
-                .registers
-                .with(|registers| self.server.prepare(registers, frame.adu(), request_len));
-            early = plan.answer_at_once::<PortRegisters<R, C, V>>();
-        } else if let Some(voice) = self.voice
-            && !listens
-        {
-            early = voice.text(frame.adu());
-        }
-        if early > 0 {
-            frame.release(early);
-        }
-        if listens
-            || D::COUNTS && !self.is_sniffer()
-            || matches!(plan, Plan::Write { .. } | Plan::Call)
-        {
-            if !frame.settle().await {
+    /// Puts mode and line into effect, until they are what was loaded last. No request is being answered, and none waits
+    /// to be: the task takes them before it comes here.
+    async fn follow(&'static self) {
+        loop {
+            let (mode, line) = self.target();
+            if mode == self.mode.get() && line == self.config.get() {
                 return;
             }
-            if listens {
-                self.line
-                    .show(Ok(&frame.bytes()[..usize::from(request_len)]));
-                return;
+            self.give_up_routed();
+            if mode != Mode::Master {
+                self.exchange.close();
             }
-            let late = self.registers.with(|registers| {
-                self.server
-                    .commit(registers, frame.adu(), request_len, plan)
-            });
-            if early == 0 && late > 0 {
-                frame.release(late);
+            // A client may be in the middle of a request.
+            let _turn = self.exchange.hold().await;
+            if line != self.config.get() {
+                // What is heard until then is of neither.
+                self.mode.set(Mode::Off);
+                // Checked before it was accepted.
+                let _ = self.line.configure(line).await;
+                self.config.set(line);
+            }
+            self.mode.set(mode);
+            if mode == Mode::Master {
+                self.exchange.open();
             }
         }
-        let sent = frame.sent().await;
-        if self.is_sniffer() {
-            if let Some(voice) = self.voice
-                && sent
-            {
-                voice.spoken(early);
+    }
+
+    /// A request is answered, as [`serve`](crate::serve()) does, or handed to the router.
+    fn attend<M: DataModel>(
+        &self,
+        model: &Shared<M>,
+        mut frame: Frame<'static, L>,
+    ) -> impl Future<Output = ()> {
+        async move {
+            let request_len = frame.request_len();
+            if L::HAS_NEIGHBOURS && request_len == 0 {
+                return self.say(&mut frame).await;
             }
-        } else if D::COUNTS {
-            self.line.set_delimiter(self.server.delimiter());
+            if self.is_sniffer() {
+                return self.sniff(&mut frame).await;
+            }
+            let router = self.router_to(frame.unit());
+            let plan = model.with(|model| self.server.prepare(model, frame.adu(), request_len));
+            let early = plan.answer_at_once::<M>();
+            if early > 0 {
+                frame.release(early);
+            }
+            if D::COUNTS || router.is_some() || matches!(plan, Plan::Write { .. } | Plan::Call) {
+                if !frame.settle().await {
+                    return;
+                }
+                let late =
+                    model.with(|model| self.server.commit(model, frame.adu(), request_len, plan));
+                if early == 0 && late > 0 {
+                    frame.release(late);
+                }
+                if let Some(router) = router {
+                    return router.ask(&frame.bytes()[..usize::from(request_len)]);
+                }
+            }
+            frame.sent().await;
+            if D::COUNTS {
+                self.line.set_delimiter(self.server.delimiter());
+            }
         }
     }
 
     /// Request by request.
-    async fn transact(&'static self, mut transaction: Transaction, times: ClientConfig) {
-        let client: Client<L, N> = self.client(times);
-        let mut outcome = Ok(());
-        while let Some(step) = self
-            .registers
-            .with(|registers| registers.next_step(&mut transaction))
-        {
-            let request = Described {
-                registers: &self.registers,
-                step: &step,
-                value: Cell::new(0),
-            };
-            let asked = loop {
-                match client.transact(step.unit, &request).await {
-                    Err(ClientError::QueueFull) => yield_now().await,
-                    asked => break asked,
-                }
-            };
-            match asked {
-                Ok(Some(reply)) => self
-                    .registers
-                    .with(|registers| registers.store(&step, reply.bytes())),
-                Ok(None) => {}
-                Err(cause) => {
-                    let failure = Failure {
-                        unit: step.unit,
-                        address: step.first,
-                        cause,
-                    };
-                    outcome = outcome.and(Err(failure));
-                    if !transaction.goes_on() {
-                        break;
+    fn transact(&'static self, started: Started) -> impl Future<Output = ()> {
+        let client: Client<L, N> = self.client(started.times);
+        let mut transaction = started.transaction;
+        async move {
+            let mut outcome = Ok(());
+            while let Some(step) = self
+                .registers
+                .with(|registers| registers.next_step(&mut transaction))
+            {
+                let request = Described {
+                    registers: &self.registers,
+                    step: &step,
+                    value: Cell::new(0),
+                };
+                let asked = loop {
+                    let asked = client.transact(step.unit, &request).await;
+                    if !matches!(asked, Err(ClientError::QueueFull)) {
+                        break asked;
+                    }
+                    drop(asked);
+                    yield_now().await;
+                };
+                match asked {
+                    Ok(Some(reply)) => self
+                        .registers
+                        .with(|registers| registers.store(&step, reply.bytes())),
+                    Ok(None) => {}
+                    Err(cause) => {
+                        let failure = Failure {
+                            unit: step.unit,
+                            address: step.first,
+                            cause,
+                        };
+                        outcome = outcome.and(Err(failure));
+                        if !transaction.goes_on() {
+                            break;
+                        }
                     }
                 }
             }
+            self.finish(outcome);
         }
-        self.finish(outcome);
     }
 
     #[inline(never)]
@@ -263,20 +345,6 @@ where
         }
         let _ = self.events.try_send(outcome);
     }
-}
-
-/// Lets the other tasks run: more requests wait for the line than the port has places for.
-async fn yield_now() {
-    let mut yielded = false;
-    poll_fn(|context| {
-        if yielded {
-            return Poll::Ready(());
-        }
-        yielded = true;
-        context.waker().wake_by_ref();
-        Poll::Pending
-    })
-    .await;
 }
 
 /// A step as the client sends it. What it writes is in the array until it is sent.

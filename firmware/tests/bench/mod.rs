@@ -152,7 +152,7 @@ impl Wire {
 }
 
 impl Line for TestLine {
-    const SNIFFS: bool = true;
+    const HAS_NEIGHBOURS: bool = true;
 
     fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
         poll_fn(|context| {

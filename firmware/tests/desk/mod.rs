@@ -146,6 +146,8 @@ fn register(place: &RefCell<Option<Waker>>, context: &Context<'_>) {
 }
 
 impl Line for TestLine {
+    const HAS_NEIGHBOURS: bool = true;
+
     fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
         poll_fn(|context| {
             *self.0.receiver.borrow_mut() = Some(context.waker().clone());
@@ -162,6 +164,7 @@ impl Line for TestLine {
             }
             let adu = Box::leak(Box::new([0xEE; 256]));
             adu[..bytes.len()].copy_from_slice(&bytes);
+            self.0.adu.set(Some(adu));
             self.0.verdict.set(None);
             self.0
                 .settles
@@ -202,7 +205,7 @@ impl Line for TestLine {
             self.0.busy_until.set(self.0.now.get() + interrupt);
             return;
         }
-        let adu = self.0.adu.get().expect("lent to send from");
+        let adu = self.0.adu.get().expect("lent");
         // SAFETY: leaked, and not changed after it was released.
         let bytes = unsafe { &*adu }[..usize::from(len)].to_vec();
         *self.0.sending.borrow_mut() = Some((self.0.now.get(), bytes));

@@ -14,8 +14,6 @@ use static_cell::StaticCell;
 use super::{ALARMS, CHARACTERS, OTHERS, group_priorities};
 use crate::ports::{APB1_HZ, APB2_HZ, PORTS};
 use crate::usart;
-use crate::usart::registers::Registers;
-use crate::usart::settings::Settings;
 
 /// The crystal. For another one change PREDIV with it: HSE / PREDIV must be 1 or 2 MHz (RM0090 7.3.2).
 const HSE: Hertz = Hertz(8_000_000);
@@ -27,10 +25,6 @@ const _: () = assert!(2 * APB1_HZ / PRESCALER as u32 == crate::TICK_HZ);
 
 /// CC1 of TIM5's SR, DIER and EGR (RM0090 18.4.4 to 18.4.6); those of the other channels follow it.
 const CC1: u32 = 1 << 1;
-
-/// Bits of a USART's SR (RM0090 30.6.1).
-const TC: u32 = 1 << 6;
-const TXE: u32 = 1 << 7;
 
 /// Clocks, `embassy-time`, the alarms' timer and the interrupts of the line.
 pub(crate) fn init() {
@@ -130,34 +124,6 @@ fn TIM5() {
         TIM5.sr().write(|w| w.0 = !(CC1 << port));
         usart::on_alarm(port);
     }
-}
-
-/// A character was handed to the transmitter.
-#[inline(always)]
-pub(crate) fn on_put(_port: usize, _settings: &Settings) {}
-
-/// Has the USART interrupt whenever the transmitter takes another character.
-#[inline(always)]
-pub(crate) fn await_ready(_port: usize, registers: &Registers, settings: &Settings) {
-    registers.send(settings, TXE);
-}
-
-/// Has it interrupt as soon as the last character has left, stop bits included.
-#[inline(always)]
-pub(crate) fn await_sent(_port: usize, registers: &Registers, settings: &Settings) {
-    registers.send(settings, TC);
-}
-
-/// Whether the transmitter takes another character.
-#[inline(always)]
-pub(crate) fn is_ready(_port: usize, registers: &Registers) -> bool {
-    registers.status() & TXE != 0
-}
-
-/// Whether all has left.
-#[inline(always)]
-pub(crate) fn is_sent(_port: usize, registers: &Registers) -> bool {
-    registers.status() & TC != 0
 }
 
 /// Runs tasks for ever, asleep between them.

@@ -1,5 +1,5 @@
-//! What differs between the chip and QEMU's idea of it: clocks, the alarms of the ports, and when the
-//! transmitter is ready or done. Everything else is the same source in both.
+//! What differs between the chip and QEMU's idea of it: clocks and the alarms of the ports. Everything else is the
+//! same source in both.
 //!
 //! Both modules have the same functions. Those about ports are called from interrupts of the line, which
 //! do not nest, or with interrupts off; `port` is the place in [`WIRING`](crate::ports::WIRING).

@@ -1,10 +1,8 @@
 //! QEMU's `olimex-stm32-h405`. It has the USARTs, EXTI, SysTick and counting timers; it has no PLL, no compare
-//! channels, no pins, and no time in its USARTs. In their place:
+//! channels and no pins. TIM5 counts as on the chip. In place of its channels SysTick is set to the nearest of the
+//! ports' alarms and that of `embassy-time`, whose clock TIM2 is.
 //!
-//! - TIM5 counts as on the chip. SysTick is set to the nearest of the ports' alarms and that of `embassy-time`,
-//!   whose clock TIM2 is.
-//! - A character is sent as soon as it is written. Here its time passes before the transmitter is called
-//!   ready or done: the port's alarm, which is not needed while it sends, tells.
+//! Nor has it any time in its USARTs: the simulated bus sets TXE and TC as silicon does.
 
 use core::arch::asm;
 use core::cell::{RefCell, UnsafeCell};
@@ -24,10 +22,8 @@ use static_cell::StaticCell;
 
 use super::{ALARMS as PRIORITY, CHARACTERS, group_priorities};
 use crate::TICK_HZ;
-use crate::ports::{PORTS, WIRING};
+use crate::ports::PORTS;
 use crate::usart;
-use crate::usart::registers::Registers;
-use crate::usart::settings::Settings;
 
 /// QEMU's timers count at 1 GHz.
 const TIMER_HZ: u32 = 1_000_000_000;
@@ -52,19 +48,6 @@ struct Alarms {
     armed: u32,
     /// When SysTick goes off.
     next: u32,
-    transmitters: [Transmitter; PORTS],
-}
-
-/// A transmitter as silicon has it: a data register before a shift register.
-#[derive(Clone, Copy)]
-struct Transmitter {
-    /// When the data register is empty.
-    ready_at: u32,
-    /// When the shift register is too.
-    sent_at: u32,
-    /// What `sent_at` is short of that, in parts of a tick: so many are one.
-    rest: u32,
-    idle: bool,
 }
 
 /// [`Alarms`], for interrupts of the line, which do not nest, and with interrupts off.
@@ -78,12 +61,6 @@ static ALARMS: AlarmsCell = AlarmsCell(UnsafeCell::new(Alarms {
     on: 1 << TIME,
     armed: 0,
     next: 0,
-    transmitters: [Transmitter {
-        ready_at: 0,
-        sent_at: 0,
-        rest: 0,
-        idle: true,
-    }; PORTS],
 }));
 
 /// The one there is.
@@ -283,57 +260,6 @@ impl embassy_time_driver::Driver for Driver {
 }
 
 embassy_time_driver::time_driver_impl!(static DRIVER: Driver = Driver);
-
-/// A character was handed to the transmitter.
-#[inline(always)]
-pub(crate) fn on_put(port: usize, settings: &Settings) {
-    let transmitter = &mut alarms().transmitters[port];
-    let now = now();
-    if transmitter.idle || until(transmitter.sent_at, now) == 0 {
-        transmitter.ready_at = now;
-        transmitter.sent_at = now;
-        transmitter.rest = 0;
-        transmitter.idle = false;
-    } else {
-        transmitter.ready_at = transmitter.sent_at;
-    }
-    // The clock's cycles of one character in ticks, without a remainder that would add up.
-    let clock = WIRING[port].clock_hz / 1_000_000;
-    let parts = settings.character_cycles * (TICK_HZ / 1_000_000) + transmitter.rest;
-    transmitter.rest = parts % clock;
-    transmitter.sent_at = transmitter.sent_at.wrapping_add(parts / clock);
-    let ready_at = transmitter.ready_at;
-    alarms().set(port, ready_at);
-}
-
-/// Has [`usart::on_alarm`] called whenever the transmitter takes another character.
-#[inline(always)]
-pub(crate) fn await_ready(port: usize, _registers: &Registers, _settings: &Settings) {
-    alarm_on(port);
-}
-
-/// Has it called as soon as the last character has left, stop bits included.
-#[inline(always)]
-pub(crate) fn await_sent(port: usize, _registers: &Registers, _settings: &Settings) {
-    let alarms = alarms();
-    // What is left of a tick counts as one.
-    alarms.set(port, alarms.transmitters[port].sent_at.wrapping_add(1));
-}
-
-/// Whether the transmitter takes another character.
-#[inline(always)]
-pub(crate) fn is_ready(port: usize, _registers: &Registers) -> bool {
-    until(alarms().transmitters[port].ready_at, now()) == 0
-}
-
-/// Whether all has left.
-#[inline(always)]
-pub(crate) fn is_sent(port: usize, _registers: &Registers) -> bool {
-    let transmitter = &mut alarms().transmitters[port];
-    let is_sent = until(transmitter.sent_at.wrapping_add(1), now()) == 0;
-    transmitter.idle |= is_sent;
-    is_sent
-}
 
 /// A task is in the queue.
 static WORK: AtomicBool = AtomicBool::new(false);

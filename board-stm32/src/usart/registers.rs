@@ -14,6 +14,10 @@ const FE: u32 = 1 << 1;
 const NF: u32 = 1 << 2;
 pub(crate) const ORE: u32 = 1 << 3;
 pub(crate) const RXNE: u32 = 1 << 5;
+/// All has left, stop bits included.
+pub(crate) const TC: u32 = 1 << 6;
+/// The transmitter takes another character.
+pub(crate) const TXE: u32 = 1 << 7;
 
 /// Bits of CR1 (RM0090 30.6.4). The interrupt enables stand where SR has their flags.
 const RE: u32 = 1 << 2;

@@ -46,9 +46,6 @@ pub struct Settings {
     pub(crate) to_start: u32,
     /// Ticks of one character.
     pub(crate) character: u32,
-    /// Clock cycles of one character as it is sent, which is not quite the same.
-    #[cfg_attr(not(feature = "qemu"), allow(dead_code))]
-    pub(crate) character_cycles: u32,
     /// Ticks of t3.5.
     pub(crate) t3_5: u32,
 }
@@ -68,7 +65,6 @@ impl Settings {
         to_stand: 0,
         to_start: 0,
         character: 0,
-        character_cycles: 0,
         t3_5: 0,
     };
 
@@ -129,7 +125,6 @@ impl Settings {
             to_stand: t3_5 - to_start - to_complete,
             to_start,
             character: timing::character(format, baud, tick_hz),
-            character_cycles: format.character_bits() as u32 * divisor.cycles_per_bit(),
             t3_5,
         })
     }

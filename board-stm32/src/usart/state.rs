@@ -10,7 +10,7 @@ use multidrop_firmware::line::Adu;
 use multidrop_firmware::protocol::line::{Ascii, Interval, LineMachine, Wire};
 use multidrop_firmware::protocol::rtu::{Flaws, Heard, Reception};
 
-use super::registers::{self, ORE, RXNE, Registers};
+use super::registers::{self, ORE, RXNE, Registers, TC, TXE};
 use super::settings::Settings;
 use crate::platform;
 use crate::ports::PORTS;
@@ -122,12 +122,13 @@ impl State {
     /// The USART's interrupt.
     #[inline(always)]
     pub fn on_usart(&mut self) {
-        if self.chip.awaited != Awaited::Nothing {
-            return self.on_transmitter();
-        }
-        let status = self.chip.registers.status();
-        if status & (RXNE | ORE) != 0 {
-            self.on_character(status);
+        let chip = &mut self.chip;
+        let status = chip.registers.status();
+        match chip.awaited {
+            Awaited::Nothing if status & (RXNE | ORE) != 0 => self.on_character(status),
+            Awaited::Ready if status & TXE != 0 => self.machine.on_ready(chip),
+            Awaited::Sent if status & TC != 0 => self.machine.on_sent(chip),
+            _ => {}
         }
     }
 
@@ -158,24 +159,7 @@ impl State {
     /// The port's alarm.
     #[inline(always)]
     pub fn on_alarm(&mut self) {
-        if self.chip.awaited != Awaited::Nothing {
-            return self.on_transmitter();
-        }
         self.machine.on_alarm(&mut self.chip);
-    }
-
-    #[inline(always)]
-    fn on_transmitter(&mut self) {
-        let chip = &mut self.chip;
-        match chip.awaited {
-            Awaited::Ready if platform::is_ready(chip.port, &chip.registers) => {
-                self.machine.on_ready(chip);
-            }
-            Awaited::Sent if platform::is_sent(chip.port, &chip.registers) => {
-                self.machine.on_sent(chip);
-            }
-            _ => {}
-        }
     }
 }
 
@@ -189,13 +173,12 @@ impl Chip {
     #[inline(always)]
     fn put_character(&mut self, byte: u8) {
         self.registers.put(byte | self.settings.mark);
-        platform::on_put(self.port, &self.settings);
     }
 
     #[inline(always)]
     fn await_sent(&mut self) {
         self.awaited = Awaited::Sent;
-        platform::await_sent(self.port, &self.registers, &self.settings);
+        self.registers.send(&self.settings, TC);
     }
 }
 
@@ -279,12 +262,12 @@ impl Wire for Chip {
         self.alarm_off();
         self.put_character(first);
         self.awaited = Awaited::Ready;
-        platform::await_ready(self.port, &self.registers, &self.settings);
+        self.registers.send(&self.settings, TXE);
     }
 
     #[inline(always)]
     fn is_ready(&mut self) -> bool {
-        platform::is_ready(self.port, &self.registers)
+        self.registers.status() & TXE != 0
     }
 
     #[inline(always)]

@@ -41,8 +41,8 @@ impl Bus {
         &self.machines[id.0]
     }
 
-    /// Runs a machine, which is furthest behind, as far as nothing can happen that it has to hear; or to the first character
-    /// that it sends. `nodes` is when the first of the nodes may do something.
+    /// Runs a machine, which is furthest behind, as far as nothing can happen that it has to hear; or to where its transmitters
+    /// have something to do. `nodes` is when the first of the nodes may do something.
     pub(super) fn run_machine(&mut self, index: usize, nodes: Time, deadline: Time) {
         let machine = &self.machines[index];
         let hears = |event: &(WireId, Event)| match event {

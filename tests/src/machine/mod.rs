@@ -1,13 +1,15 @@
 //! An STM32F405 on the bus: four ports, each on a wire of its own or with others.
 //!
 //! It runs in QEMU, which knows the registers of its USARTs but neither bauds nor pins. Both are made up for here: what the
-//! firmware writes to a data register goes on the wire when it is written, at the rate and in the format that it has set;
-//! what comes from the wire is put into the register when its first stop bit is judged, with its error flags. The beginning
-//! of a character is a falling edge for the external interrupt controller. DE is the pin that the firmware sets.
+//! firmware writes to a data register goes on the wire at the rate and in the format that it has set, and TXE and TC are set
+//! when there is room for more and when all has left; what comes from the wire is put into the register when its first stop bit
+//! is judged, with its error flags. The beginning of a character is a falling edge for the external interrupt controller. DE is
+//! the pin that the firmware sets.
 //!
 //! Time is exact to the instruction: each takes 8 ns, whatever it does. That is not what each takes in silicon.
 
 mod qemu;
+mod transmitter;
 
 use std::path::{Path, PathBuf};
 
@@ -18,6 +20,7 @@ use crate::line::{Format, Line, Parity};
 use crate::record::{HostId, Station};
 use crate::time::{Clock, Time};
 use qemu::{Access, Qemu};
+use transmitter::Transmitter;
 
 /// An STM32 on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,10 +124,11 @@ struct Port {
     brr: u32,
     cr1: u32,
     cr2: u32,
-    /// The firmware has not read the last character.
-    unread: bool,
-    /// Error flags stand in SR.
-    flagged: bool,
+    transmitter: Transmitter,
+    /// The flags of the transmitter in QEMU's SR.
+    sending: u32,
+    /// Those of the receiver: RXNE until the firmware has read the character, errors until the next one.
+    received: u32,
     overruns: u64,
 }
 
@@ -179,8 +183,9 @@ impl Machine {
             brr: 0,
             cr1: 0,
             cr2: 0,
-            unread: false,
-            flagged: false,
+            transmitter: Transmitter::default(),
+            sending: TXE | TC,
+            received: 0,
             overruns: 0,
         });
     }
@@ -223,8 +228,11 @@ impl Machine {
         self.ports.iter().any(|port| port.wire == wire)
     }
 
-    /// Runs to `limit`, or to the first character that it sends.
+    /// Runs to `limit`, or to where a character is handed to a transmitter or leaves it.
     pub(crate) fn run_to(&mut self, limit: Time) -> Vec<MachineOutput> {
+        let now = self.now();
+        let due = self.ports.iter().map(|port| port.transmitter.due(now));
+        let limit = due.fold(limit, Time::min);
         let count = self
             .clock
             .tick_at_or_after(limit.saturating_sub(self.since));
@@ -233,8 +241,13 @@ impl Machine {
         for access in accesses {
             let at = self.since + self.clock.time(access.count);
             for port in &mut self.ports {
-                outputs.extend(port.accessed(access, at));
+                port.accessed(access, at, &mut outputs);
             }
+        }
+        let now = self.now();
+        for port in &mut self.ports {
+            port.send(now, &mut outputs);
+            port.show_sending(&mut self.qemu, now);
         }
         outputs
     }
@@ -253,30 +266,74 @@ impl Machine {
 }
 
 impl Port {
-    fn accessed(&mut self, access: Access, at: Time) -> Option<MachineOutput> {
+    fn accessed(&mut self, access: Access, at: Time, outputs: &mut Vec<MachineOutput>) {
         let Some(value) = access.stored else {
             if access.address == self.usart.base + DR {
-                self.unread = false;
+                self.received &= !RXNE;
             }
-            return None;
+            return;
         };
         if access.address == GPIOA_BSRR {
-            // The lower half sets, the upper half resets, and setting has priority.
-            let bit = self.usart.de?;
-            if value >> bit & 1 != 0 {
-                return Some(MachineOutput::Drive(self.host, at, true));
-            }
-            let resets = value >> (16 + bit) & 1 != 0;
-            return resets.then_some(MachineOutput::Drive(self.host, at, false));
+            outputs.extend(self.driven(value, at));
+            return;
         }
-        match access.address.checked_sub(self.usart.base)? {
-            DR => return Some(MachineOutput::Byte(self.host, at, value as u8)),
+        let Some(register) = access.address.checked_sub(self.usart.base) else {
+            return;
+        };
+        match register {
+            DR => {
+                self.send(at, outputs);
+                self.transmitter.put(at, value as u8);
+                self.send(at, outputs);
+                // QEMU says that it has left already.
+                self.sending |= TC;
+                return;
+            }
             BRR => self.brr = value,
             CR1 => self.cr1 = value,
             CR2 => self.cr2 = value,
-            _ => return None,
+            _ => return,
         }
-        self.line().map(|line| MachineOutput::Line(self.host, line))
+        let line = self.line();
+        outputs.extend(line.map(|line| MachineOutput::Line(self.host, line)));
+    }
+
+    /// DE, if this is a port that has it.
+    fn driven(&self, value: u32, at: Time) -> Option<MachineOutput> {
+        // The lower half sets, the upper half resets, and setting has priority.
+        let bit = self.usart.de?;
+        let sets = value >> bit & 1 != 0;
+        let resets = value >> (16 + bit) & 1 != 0;
+        (sets || resets).then_some(MachineOutput::Drive(self.host, at, sets))
+    }
+
+    /// Puts on the wire what begins there until `now`.
+    fn send(&mut self, now: Time, outputs: &mut Vec<MachineOutput>) {
+        let Some(line) = self.line() else {
+            return;
+        };
+        let begun = self.transmitter.advance(now, line.character());
+        outputs.extend(begun.map(|(at, byte)| MachineOutput::Byte(self.host, at, byte)));
+    }
+
+    /// Puts the transmitter's flags into SR. QEMU takes a value of more than ten bits for a mask of what stays.
+    fn show_sending(&mut self, qemu: &mut Qemu, now: Time) {
+        let flags = self.transmitter.flags(now);
+        let (set, clear) = (flags & !self.sending, self.sending & !flags);
+        self.sending = flags;
+        if set != 0 {
+            self.show(qemu);
+        } else if clear != 0 {
+            qemu.write(self.usart.base + SR, !clear);
+        }
+    }
+
+    /// Puts all flags into SR. With any of them QEMU sets TXE.
+    fn show(&self, qemu: &mut Qemu) {
+        qemu.write(self.usart.base + SR, self.sending | self.received);
+        if self.sending & TXE == 0 {
+            qemu.write(self.usart.base + SR, !TXE);
+        }
     }
 
     /// Rate and format as they are set, if they are.
@@ -308,27 +365,25 @@ impl Port {
         if self.cr1 & 1 << 2 == 0 || self.cr1 & 1 << 13 == 0 {
             return;
         }
-        let status = self.usart.base + SR;
-        if self.unread {
+        if self.received & RXNE != 0 {
             self.overruns += 1;
-            self.flagged = true;
-            return qemu.write(status, TXE | TC | RXNE | ORE);
+            self.received |= ORE;
+            return self.show(qemu);
         }
-        if std::mem::take(&mut self.flagged) {
-            qemu.write(status, TXE | TC);
+        if self.received != 0 {
+            self.received = 0;
+            self.show(qemu);
         }
         qemu.deliver(self.serial, self.usart.base, byte.value);
-        self.unread = true;
-        let mut flags = 0;
+        self.received = RXNE;
         if byte.framing_error {
-            flags |= FE;
+            self.received |= FE;
         }
         if byte.parity_error {
-            flags |= PE;
+            self.received |= PE;
         }
-        if flags != 0 {
-            self.flagged = true;
-            qemu.write(status, TXE | TC | RXNE | flags);
+        if self.received != RXNE {
+            self.show(qemu);
         }
     }
 }

@@ -159,7 +159,7 @@ pub trait Line: Sized {
     /// frame on (APP 6.8, sub-function 03). Other settings leave it as it is; RTU has none.
     fn set_delimiter(&self, delimiter: u8);
 
-    /// Shows traffic to whoever looks at this line: a request of its client that is about to go out, and what a
+    /// Shows traffic to whoever looks at this line: a request of its client that has gone out, and what a
     /// [managed port](crate::managed) has heard as a master or sniffer, unit id, function code and data or what was
     /// wrong. By default nobody looks.
     #[inline(always)]

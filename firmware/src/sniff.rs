@@ -13,9 +13,8 @@
 //! let rs2 = RS2.init(ManagedPort::new(rs2_line, &RS2_CONFIG, ..).voiced(tap)); // is printed by this one
 //! ```
 //!
-//! The time of a frame is that in which it stands, t3.5 behind its end; of a request that the port makes itself that in
-//! which it was ready to be sent. A master shows an answer before it stands; one that is voided by a late
-//! character is shown as damaged too.
+//! The time of a frame is that in which it stands, t3.5 behind its end; of a request that the port makes itself, its end.
+//! A master shows an answer before it stands; one that is voided by a late character is shown as damaged too.
 
 use core::cell::{Cell, RefCell};
 use core::future::{Future, poll_fn};

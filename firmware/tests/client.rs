@@ -471,6 +471,13 @@ fn a_request_waits_while_somebody_talks_and_gives_up_after_a_timeout() {
     desk.run(100);
     let (write, _) = desk.ask(async move { client.write_register(17, 3, 7).await });
     assert_eq!(write, Ok(()));
+    // Whoever looks sees what went out, when it is out, and nothing of what did not.
+    let sent = desk.wire.sent.borrow();
+    let out: Vec<_> = sent
+        .iter()
+        .map(|(began, bytes)| (began + SENDS, bytes.clone()))
+        .collect();
+    assert_eq!(*desk.wire.shown.borrow(), out);
 }
 
 /// Fault 9 of other clients: the answer to function 10 could not be decoded.

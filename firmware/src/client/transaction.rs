@@ -1,4 +1,8 @@
 //! One request, from its turn to its end.
+#![expect(
+    clippy::manual_async_fn,
+    reason = "an async fn keeps each argument twice, and there is one of these futures for each port"
+)]
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -88,8 +92,6 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
 
     /// The same, and the data goes to `into`: at t1.5, before it is known whether the answer stands. What takes
     /// long is done then, and the next request starts in time.
-    //
-    // Not an `async fn`, which would keep each argument twice.
     pub(super) fn run(
         &self,
         unit: u8,
@@ -114,8 +116,6 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                         };
                         let encoded = encode(request, unit, frame.adu())?;
                         let function = frame.bytes()[1];
-                        self.line
-                            .show(Ok(&frame.bytes()[..usize::from(encoded.len)]));
                         frame.release(encoded.len);
                         let debt = self.exchange.owe(if encoded.answered {
                             self.config.timeout
@@ -123,6 +123,8 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                             self.config.turnaround
                         });
                         if frame.sent().await {
+                            let sent = &frame.bytes()[..usize::from(encoded.len)];
+                            self.line.show(Ok(sent));
                             break (function, encoded.answered, debt);
                         }
                         // Somebody has begun to talk.

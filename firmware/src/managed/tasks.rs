@@ -1,4 +1,8 @@
 //! The two tasks of a managed port.
+#![expect(
+    clippy::manual_async_fn,
+    reason = "an async fn keeps each argument twice, and there is one of these futures for each port"
+)]
 
 use core::cell::Cell;
 use core::future::{Future, poll_fn};
@@ -174,8 +178,6 @@ where
 {
     /// One thing: what was loaded, a transaction, or a frame.
     fn step<M: DataModel>(&'static self, model: &Shared<M>) -> impl Future<Output = ()> {
-        // Neither this nor what it waits for is an `async fn`, which keeps its arguments twice; and a frame is in one
-        // place only. There is one of these for each port.
         async move {
             self.follow().await;
             // Nothing can have been started since: what it needs is in effect.

@@ -60,6 +60,8 @@ pub struct Wire {
     pub cut: Cell<usize>,
     /// Somebody begins to talk when this many requests are released, and keeps the wire for so long.
     pub interrupts: RefCell<VecDeque<u64>>,
+    /// What was shown to whoever looks, and when.
+    pub shown: RefCell<Vec<(u64, Vec<u8>)>>,
     peer: RefCell<Option<Peer>>,
     receiver: RefCell<Option<Waker>>,
     user: RefCell<Option<Waker>>,
@@ -196,6 +198,11 @@ impl Line for TestLine {
     }
 
     fn set_delimiter(&self, _: u8) {}
+
+    fn show(&self, seen: Result<&[u8], Flaws>) {
+        let seen = seen.expect("a good frame").to_vec();
+        self.0.shown.borrow_mut().push((self.0.now.get(), seen));
+    }
 
     fn release(&self, len: u8) {
         assert!((2..=254).contains(&len), "length {len}");

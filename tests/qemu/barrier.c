@@ -8,10 +8,16 @@
  * Arguments: socket=PATH, a Unix socket on which the bus listens; watch=FIRST-LAST in hex, any number of times: loads
  * and stores there are told. stop=ADDRESS, any number of times: a store there stops the CPU as well, before the next block of
  * instructions: what the firmware sends is to be on the wire before anything else happens.
+ * To tell what instructions are for: idle=FIRST-LAST in hex, where the firmware waits for work; marks=PATH, a file with
+ * such a range in each line, of code to be counted apart; handler=ADDRESS, any number of times: how long interrupts
+ * take that begin there.
  *
  * From the bus: a count of 8 bytes, up to which the CPU may run. To the bus: messages of four words of 8 bytes, all in the
- * host's byte order: 1, count, address, value for a store; 3, count, address, 0 for a load; 2, count, 0, 0 when the CPU has
- * stopped at the first block of instructions that begins at the granted count or later. It stops at 0 first.
+ * host's byte order: 1, count, address, value for a store; 3, count, address, 0 for a load; 2, count, idle, marked when the
+ * CPU has stopped at the first block of instructions that begins at the granted count or later, with the instructions so
+ * far that were in those ranges. It stops at 0 first. 4, count, address, length when the interrupt is over that began at
+ * this address and took so many instructions, if it interrupted the firmware while that was waiting, or came right
+ * behind one that did: else it cannot be told where it ended.
  *
  * Needs QEMU 10 (API version 4); declared here is what is used of it, so that no header of QEMU is needed.
  */
@@ -49,8 +55,8 @@ typedef struct {
     } data;
 } qemu_plugin_mem_value;
 enum { CB_NO_REGS = 0 };
-enum { COND_GE = 7 };
-enum { INLINE_ADD_U64 = 0 };
+enum { COND_NE = 3, COND_GE = 7 };
+enum { INLINE_ADD_U64 = 0, INLINE_STORE_U64 = 1 };
 enum { MEM_RW = 3 };
 
 struct qemu_plugin_scoreboard *qemu_plugin_scoreboard_new(size_t element_size);
@@ -58,10 +64,15 @@ uint64_t qemu_plugin_u64_get(qemu_plugin_u64 entry, unsigned int vcpu_index);
 void qemu_plugin_u64_set(qemu_plugin_u64 entry, unsigned int vcpu_index, uint64_t value);
 void qemu_plugin_register_vcpu_init_cb(qemu_plugin_id_t id, void (*cb)(qemu_plugin_id_t, unsigned int));
 void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t id, void (*cb)(qemu_plugin_id_t, struct qemu_plugin_tb *));
+uint64_t qemu_plugin_tb_vaddr(const struct qemu_plugin_tb *tb);
 size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *tb);
 struct qemu_plugin_insn *qemu_plugin_tb_get_insn(const struct qemu_plugin_tb *tb, size_t index);
+uint64_t qemu_plugin_insn_vaddr(const struct qemu_plugin_insn *insn);
 size_t qemu_plugin_insn_size(const struct qemu_plugin_insn *insn);
 size_t qemu_plugin_insn_data(const struct qemu_plugin_insn *insn, void *dest, size_t len);
+void qemu_plugin_register_vcpu_tb_exec_cb(struct qemu_plugin_tb *tb, void (*cb)(unsigned int, void *), int flags,
+                                          void *userdata);
+void qemu_plugin_register_vcpu_tb_exec_inline_per_vcpu(struct qemu_plugin_tb *tb, int op, qemu_plugin_u64 entry, uint64_t imm);
 void qemu_plugin_register_vcpu_tb_exec_cond_cb(struct qemu_plugin_tb *tb, void (*cb)(unsigned int, void *), int flags,
                                                int cond, qemu_plugin_u64 entry, uint64_t imm, void *userdata);
 void qemu_plugin_register_vcpu_insn_exec_inline_per_vcpu(struct qemu_plugin_insn *insn, int op, qemu_plugin_u64 entry,
@@ -77,7 +88,7 @@ EXPORTED int qemu_plugin_version = 4;
 struct message {
     uint64_t kind, count, address, value;
 };
-enum { STORE = 1, STOPPED = 2, LOAD = 3 };
+enum { STORE = 1, STOPPED = 2, LOAD = 3, INTERRUPT = 4 };
 
 /*
  * What is compiled into each block compares with a constant, so the counter runs up to this from as far below as was granted.
@@ -86,14 +97,32 @@ enum { STORE = 1, STOPPED = 2, LOAD = 3 };
 
 static qemu_plugin_u64 counter;
 static uint64_t granted;
+
+/* Instructions that wait, and those that are marked. */
+static qemu_plugin_u64 idle_counter, marked_counter;
+/* Whether the last block of instructions was one that waits; whether an interrupt is under way whose length is wanted. */
+static qemu_plugin_u64 was_idle, is_timed;
+/* Its address, and the count at which it began. */
+static uint64_t timed_address, timed_since;
 static int bus = -1;
 
-static struct {
+struct range {
     uint64_t first, last;
-} watched[16];
+};
+static struct range watched[16];
 static size_t watched_len;
 static uint64_t stops[8];
 static size_t stops_len;
+static struct range idle = {1, 0};
+static struct range marks[4096];
+static size_t marks_len;
+static uint64_t handlers[16];
+static size_t handlers_len;
+
+static bool is_in(struct range range, uint64_t address)
+{
+    return range.first <= address && address <= range.last;
+}
 
 static struct message pending[256];
 static size_t pending_len;
@@ -135,7 +164,7 @@ static void on_full(unsigned int vcpu, void *unused)
 {
     (void)unused;
     uint64_t count = count_now(vcpu);
-    tell((struct message){STOPPED, count, 0, 0});
+    tell((struct message){STOPPED, count, qemu_plugin_u64_get(idle_counter, vcpu), qemu_plugin_u64_get(marked_counter, vcpu)});
     do {
         all((ssize_t(*)(int, void *, size_t))read, &granted, sizeof granted);
     } while (granted <= count);
@@ -161,7 +190,7 @@ static void on_access(unsigned int vcpu, qemu_plugin_meminfo_t info, uint64_t ad
 {
     (void)unused;
     for (size_t i = 0; i < watched_len; i++) {
-        if (address < watched[i].first || address > watched[i].last) {
+        if (!is_in(watched[i], address)) {
             continue;
         }
         uint64_t count = count_now(vcpu);
@@ -180,6 +209,31 @@ static void on_access(unsigned int vcpu, qemu_plugin_meminfo_t info, uint64_t ad
     }
 }
 
+static void end_interrupt(unsigned int vcpu, uint64_t count)
+{
+    if (qemu_plugin_u64_get(is_timed, vcpu)) {
+        tell((struct message){INTERRUPT, count, timed_address, count - timed_since});
+    }
+    qemu_plugin_u64_set(is_timed, vcpu, 0);
+}
+
+/* Back in the loop that waits. */
+static void on_idle(unsigned int vcpu, void *unused)
+{
+    (void)unused;
+    end_interrupt(vcpu, count_now(vcpu));
+}
+
+static void on_handler(unsigned int vcpu, void *handler)
+{
+    uint64_t count = count_now(vcpu);
+    bool is_from_idle = qemu_plugin_u64_get(was_idle, vcpu) || qemu_plugin_u64_get(is_timed, vcpu);
+    end_interrupt(vcpu, count);
+    timed_address = *(uint64_t *)handler;
+    timed_since = count;
+    qemu_plugin_u64_set(is_timed, vcpu, is_from_idle);
+}
+
 static void on_start(qemu_plugin_id_t id, unsigned int vcpu)
 {
     (void)id;
@@ -194,10 +248,45 @@ static bool is_nop(const struct qemu_plugin_insn *insn)
            qemu_plugin_insn_data(insn, &code, sizeof code) == sizeof code && code == 0xBF00;
 }
 
+/* What a block is for, by where it begins. */
+static void look_at_block(struct qemu_plugin_tb *tb)
+{
+    uint64_t address = qemu_plugin_tb_vaddr(tb);
+    for (size_t i = 0; i < handlers_len; i++) {
+        if (address == handlers[i]) {
+            qemu_plugin_register_vcpu_tb_exec_cb(tb, on_handler, CB_NO_REGS, &handlers[i]);
+            /* What was before is still to be seen there. */
+            return;
+        }
+    }
+    bool is_idle = is_in(idle, address);
+    if (handlers_len > 0) {
+        qemu_plugin_register_vcpu_tb_exec_inline_per_vcpu(tb, INLINE_STORE_U64, was_idle, is_idle);
+    }
+    if (handlers_len > 0 && is_idle) {
+        qemu_plugin_register_vcpu_tb_exec_cond_cb(tb, on_idle, CB_NO_REGS, COND_NE, is_timed, 0, NULL);
+    }
+}
+
+static void count_apart(struct qemu_plugin_insn *insn, uint64_t count)
+{
+    uint64_t address = qemu_plugin_insn_vaddr(insn);
+    if (is_in(idle, address)) {
+        qemu_plugin_register_vcpu_insn_exec_inline_per_vcpu(insn, INLINE_ADD_U64, idle_counter, count);
+    }
+    for (size_t i = 0; i < marks_len; i++) {
+        if (is_in(marks[i], address)) {
+            qemu_plugin_register_vcpu_insn_exec_inline_per_vcpu(insn, INLINE_ADD_U64, marked_counter, count);
+            return;
+        }
+    }
+}
+
 static void on_translation(qemu_plugin_id_t id, struct qemu_plugin_tb *tb)
 {
     (void)id;
     qemu_plugin_register_vcpu_tb_exec_cond_cb(tb, on_full, CB_NO_REGS, COND_GE, counter, FULL, NULL);
+    look_at_block(tb);
     size_t len = qemu_plugin_tb_n_insns(tb);
     for (size_t i = 0; i < len; i++) {
         struct qemu_plugin_insn *insn = qemu_plugin_tb_get_insn(tb, i);
@@ -208,10 +297,26 @@ static void on_translation(qemu_plugin_id_t id, struct qemu_plugin_tb *tb)
             i++;
         }
         qemu_plugin_register_vcpu_insn_exec_inline_per_vcpu(insn, INLINE_ADD_U64, counter, count);
+        count_apart(insn, count);
         if (!is_nop(insn)) {
             qemu_plugin_register_vcpu_mem_cb(insn, on_access, CB_NO_REGS, MEM_RW, NULL);
         }
     }
+}
+
+static bool read_marks(const char *path)
+{
+    FILE *file = fopen(path, "r");
+    if (file == NULL) {
+        return false;
+    }
+    unsigned long long first, last;
+    int found;
+    while ((found = fscanf(file, "%llx-%llx\n", &first, &last)) == 2 && marks_len < sizeof marks / sizeof *marks) {
+        marks[marks_len++] = (struct range){first, last};
+    }
+    fclose(file);
+    return found == EOF;
 }
 
 EXPORTED int qemu_plugin_install(qemu_plugin_id_t id, const void *info, int argc, char **argv)
@@ -224,9 +329,16 @@ EXPORTED int qemu_plugin_install(qemu_plugin_id_t id, const void *info, int argc
             strcpy(address.sun_path, argv[i] + 7);
         } else if (sscanf(argv[i], "watch=%llx-%llx", &first, &last) == 2 &&
                    watched_len < sizeof watched / sizeof *watched) {
-            watched[watched_len].first = first;
-            watched[watched_len].last = last;
-            watched_len++;
+            watched[watched_len++] = (struct range){first, last};
+        } else if (sscanf(argv[i], "idle=%llx-%llx", &first, &last) == 2) {
+            idle = (struct range){first, last};
+        } else if (sscanf(argv[i], "handler=%llx", &first) == 1 && handlers_len < sizeof handlers / sizeof *handlers) {
+            handlers[handlers_len++] = first;
+        } else if (strncmp(argv[i], "marks=", 6) == 0) {
+            if (!read_marks(argv[i] + 6)) {
+                fprintf(stderr, "barrier: no ranges, or too many, in %s\n", argv[i] + 6);
+                return 1;
+            }
         } else if (sscanf(argv[i], "stop=%llx", &first) == 1 && stops_len < sizeof stops / sizeof *stops) {
             stops[stops_len++] = first;
         } else {
@@ -239,8 +351,12 @@ EXPORTED int qemu_plugin_install(qemu_plugin_id_t id, const void *info, int argc
         perror("barrier: socket");
         return 1;
     }
-    struct qemu_plugin_scoreboard *score = qemu_plugin_scoreboard_new(sizeof(uint64_t));
-    counter = (qemu_plugin_u64){score, 0};
+    qemu_plugin_u64 *entries[] = {&counter, &idle_counter, &marked_counter, &was_idle, &is_timed};
+    size_t len = sizeof entries / sizeof *entries;
+    struct qemu_plugin_scoreboard *score = qemu_plugin_scoreboard_new(len * sizeof(uint64_t));
+    for (size_t i = 0; i < len; i++) {
+        *entries[i] = (qemu_plugin_u64){score, i * sizeof(uint64_t)};
+    }
     qemu_plugin_register_vcpu_init_cb(id, on_start);
     qemu_plugin_register_vcpu_tb_trans_cb(id, on_translation);
     return 0;

@@ -53,7 +53,7 @@ pub use gpio::{Level, Pin};
 pub use host::{Host, HostPort, RxByte, Tx};
 pub use line::{Format, Line, Parity};
 pub use live::{Live, LiveError};
-pub use machine::{Machine, MachineId, Stm32, barrier};
+pub use machine::{Instructions, Machine, MachineId, Parts, Stm32, barrier};
 pub use node::{Nano, Node, Stats, VECTORS, VectorStats};
 pub use record::{
     Conflict, DataEdge, DeEdge, HostId, NodeId, PinEdge, Record, Station, WireByte, WireEdge,

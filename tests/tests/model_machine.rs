@@ -2,51 +2,12 @@
 
 mod support;
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
 use multidrop_bus::{
     Bus, BusConfig, HostId, HostPort, Line, MachineId, Stm32, Time, Tx, WireId, barrier,
 };
+use support::assemble_arm;
 
 const LINE: Line = Line::n81(38_400);
-
-/// Assembles `arm/NAME.S`.
-fn assemble(name: &str) -> PathBuf {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("arm");
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    static CALLS: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
-    let call = CALLS.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-    let stem = folder.join(format!("{name}-{}-{call}", std::process::id()));
-    let (object, image) = (stem.with_extension("o"), stem.with_extension("elf"));
-    let run = |command: &mut Command| {
-        let output = command
-            .output()
-            .unwrap_or_else(|error| panic!("{command:?}: {error}"));
-        assert!(
-            output.status.success(),
-            "{}",
-            String::from_utf8_lossy(&output.stderr)
-        );
-    };
-    let source = source.join(format!("{name}.S"));
-    run(Command::new("arm-none-eabi-as")
-        .arg(source)
-        .arg("-o")
-        .arg(&object));
-    run(Command::new("arm-none-eabi-ld")
-        .args([
-            "-Ttext",
-            "0x08000100",
-            "--section-start=.vectors=0x08000000",
-            "-e",
-            "0x08000100",
-        ])
-        .arg(&object)
-        .arg("-o")
-        .arg(&image));
-    image
-}
 
 /// A bus, a host and the machine that echoes. They would fight for the wire if a character came before the echo is over.
 fn echo() -> (Bus, HostId, MachineId) {
@@ -55,7 +16,7 @@ fn echo() -> (Bus, HostId, MachineId) {
     let machine = bus
         .add_stm32(Stm32 {
             name: "stm32".to_owned(),
-            image: assemble("echo"),
+            image: assemble_arm("echo"),
             plugin: barrier().expect("set-up has built it"),
             wires: [Some(WireId::default()), None, None, None],
         })

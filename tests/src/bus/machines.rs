@@ -2,7 +2,7 @@
 
 use super::{Bus, Event, WireId};
 use crate::error::BusError;
-use crate::machine::{Machine, MachineId, MachineOutput, Stm32};
+use crate::machine::{Machine, MachineId, MachineOutput, Parts, Stm32};
 use crate::record::Station;
 use crate::time::Time;
 
@@ -19,8 +19,20 @@ impl Bus {
     /// # Errors
     /// [`BusError`], where QEMU cannot be started with the image.
     pub fn add_stm32(&mut self, stm32: Stm32) -> Result<MachineId, BusError> {
+        self.add_stm32_in_parts(stm32, Parts::default())
+    }
+
+    /// The same, and the parts of its image are counted apart, which takes the host longer.
+    ///
+    /// # Errors
+    /// As [`Bus::add_stm32`].
+    pub fn add_stm32_in_parts(
+        &mut self,
+        stm32: Stm32,
+        parts: Parts,
+    ) -> Result<MachineId, BusError> {
         let wires = stm32.wires;
-        let mut machine = Machine::new(stm32, self.now)?;
+        let mut machine = Machine::new(stm32, parts, self.now)?;
         for (port, wire) in wires.into_iter().enumerate() {
             if let Some(wire) = wire {
                 let host = self.add_host_on(wire, machine.host_port(port));

@@ -8,6 +8,7 @@
 //!
 //! Time is exact to the instruction: each takes 8 ns, whatever it does. That is not what each takes in silicon.
 
+mod parts;
 mod qemu;
 mod transmitter;
 
@@ -19,6 +20,7 @@ use crate::host::{Host, HostPort, RxByte};
 use crate::line::{Format, Line, Parity};
 use crate::record::{HostId, Station};
 use crate::time::{Clock, Time};
+pub use parts::{Instructions, Parts};
 use qemu::{Access, Qemu};
 use transmitter::Transmitter;
 
@@ -147,20 +149,23 @@ pub struct Machine {
     /// When it was powered up.
     since: Time,
     ports: Vec<Port>,
+    parts: Parts,
 }
 
 impl Machine {
-    pub(crate) fn new(stm32: Stm32, now: Time) -> Result<Self, BusError> {
+    pub(crate) fn new(stm32: Stm32, parts: Parts, now: Time) -> Result<Self, BusError> {
         let mut watched: Vec<_> = USARTS.iter().map(|u| (u.base, u.base + CR3)).collect();
         watched.push((GPIOA_BSRR, GPIOA_BSRR));
         let stops: Vec<_> = USARTS.iter().map(|u| u.base + DR).collect();
-        let qemu = Qemu::start(&stm32.image, &stm32.plugin, USARTS.len(), &watched, &stops)?;
+        let (image, plugin) = (&stm32.image, &stm32.plugin);
+        let qemu = Qemu::start(image, plugin, USARTS.len(), &watched, &stops, &parts)?;
         Ok(Machine {
             name: stm32.name,
             qemu,
             clock: Clock::new(INSTRUCTIONS_HZ, 0),
             since: now,
             ports: Vec::new(),
+            parts,
         })
     }
 

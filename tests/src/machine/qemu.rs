@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use super::parts::{Instructions, Parts};
 use crate::error::BusError;
 
 /// What the program is called.
@@ -33,7 +34,9 @@ pub struct Qemu {
     barrier: UnixStream,
     qtest: UnixStream,
     serials: Vec<UnixStream>,
-    count: u64,
+    counted: Instructions,
+    /// Interrupts that are over: where they began, and how long they were.
+    interrupts: Vec<(u64, u64)>,
     /// Holds the sockets.
     _folder: tempfile::TempDir,
 }
@@ -46,16 +49,19 @@ const RXNE: u8 = 1 << 5;
 const STORE: u64 = 1;
 const STOPPED: u64 = 2;
 const LOAD: u64 = 3;
+const INTERRUPT: u64 = 4;
 
 impl Qemu {
     /// Starts `image` with `serials` USARTs on sockets; its CPU stands before the first instruction. `plugin` is the
-    /// barrier, compiled; accesses to `watched` addresses are told, and a store to one of `stops` stops it as well.
+    /// barrier, compiled; accesses to `watched` addresses are told, and a store to one of `stops` stops it as well. The `parts` are
+    /// counted apart.
     pub fn start(
         image: &Path,
         plugin: &Path,
         serials: usize,
         watched: &[(u64, u64)],
         stops: &[u64],
+        parts: &Parts,
     ) -> Result<Self, BusError> {
         let failed = |reason: String| BusError::Machine { reason };
         if !image.is_file() {
@@ -84,6 +90,8 @@ impl Qemu {
         for address in stops {
             plugin.push_str(&format!(",stop={address:x}"));
         }
+        let told = parts.arguments(folder.path());
+        plugin.push_str(&told.map_err(|error| failed(error.to_string()))?);
         let mut command = Command::new(PROGRAM);
         command
             .args(["-M", "olimex-stm32-h405", "-kernel"])
@@ -120,7 +128,8 @@ impl Qemu {
             barrier,
             qtest,
             serials,
-            count: 0,
+            counted: Instructions::default(),
+            interrupts: Vec::new(),
             _folder: folder,
         };
         qemu.until_stopped(&mut Vec::new());
@@ -129,7 +138,17 @@ impl Qemu {
 
     /// Instructions executed.
     pub fn count(&self) -> u64 {
-        self.count
+        self.counted.all
+    }
+
+    /// The same in parts.
+    pub fn counted(&self) -> Instructions {
+        self.counted
+    }
+
+    /// Interrupts that are over: where they began, and how many instructions they took.
+    pub fn interrupts(&self) -> &[(u64, u64)] {
+        &self.interrupts
     }
 
     /// Runs to the first block of instructions that begins at `count` or later, or to the one behind a store that
@@ -139,7 +158,7 @@ impl Qemu {
     /// If the process is gone.
     pub fn run_to(&mut self, count: u64) -> Vec<Access> {
         let mut accesses = Vec::new();
-        if count > self.count {
+        if count > self.counted.all {
             self.barrier
                 .write_all(&count.to_ne_bytes())
                 .expect("QEMU runs");
@@ -157,7 +176,11 @@ impl Qemu {
             let [kind, count, address, value] = words.map(u64::from_ne_bytes);
             match kind {
                 STOPPED => {
-                    self.count = count;
+                    self.counted = Instructions {
+                        all: count,
+                        idle: address,
+                        marked: value,
+                    };
                     if accesses.iter().any(|access| access.stored.is_some()) {
                         self.drain();
                     }
@@ -168,7 +191,8 @@ impl Qemu {
                     address,
                     stored: (kind == STORE).then_some(value as u32),
                 }),
-                _ => unreachable!("the barrier has three kinds of messages"),
+                INTERRUPT => self.interrupts.push((address, value)),
+                _ => unreachable!("the barrier has four kinds of messages"),
             }
         }
     }

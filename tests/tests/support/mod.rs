@@ -1,4 +1,4 @@
-//! Builds the small assembler programs in `avr/` for the tests of the models.
+//! Builds the small assembler programs in `avr/` and `arm/` for the tests of the models.
 #![allow(dead_code, missing_docs)]
 
 use std::path::{Path, PathBuf};
@@ -40,6 +40,46 @@ pub fn assemble(name: &str, symbols: &[(&str, u32)]) -> PathBuf {
         "{}",
         String::from_utf8_lossy(&output.stderr)
     );
+    image
+}
+
+/// Assembles `arm/NAME.S`, for the machine, and returns the image.
+pub fn assemble_arm(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("arm");
+    let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    static CALLS: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
+    let call = CALLS.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    let stem = scratch.join(format!("{name}-{}-{call}", std::process::id()));
+    let (object, image) = (stem.with_extension("o"), stem.with_extension("elf"));
+    let run = |command: &mut Command| {
+        let output = command
+            .output()
+            .unwrap_or_else(|error| panic!("{command:?}: {error}"));
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+    };
+    let source = folder.join(format!("{name}.S"));
+    run(Command::new("arm-none-eabi-as")
+        .arg("-g")
+        .arg("-I")
+        .arg(&folder)
+        .arg(source)
+        .arg("-o")
+        .arg(&object));
+    run(Command::new("arm-none-eabi-ld")
+        .args([
+            "-Ttext",
+            "0x08000100",
+            "--section-start=.vectors=0x08000000",
+            "-e",
+            "0x08000100",
+        ])
+        .arg(&object)
+        .arg("-o")
+        .arg(&image));
     image
 }
 

@@ -7,13 +7,13 @@
 //! | PA2, PA3 | AS2 (USART2): TX, RX |
 //! | PB10, PB11 | RS2 (USART3): TX, RX; with PB13, PB14 CTS, RTS |
 //! | PA0, PA1, PA4 | RS4 (UART4): TX, RX, and DE of the RS-485 transceiver |
-//! | PC0..PC12 | free; the demonstration unit's LEDs |
+//! | PC0..PC12 | free; the demonstration unit's LEDs. PC4 of the STM32-H405 senses the USB voltage: no cable there then |
 //! | PA13, PA14 | SWD |
 //!
 //! Give DE a pull-down of 10 kOhm: no firmware holds the pin during reset and flashing.
 //!
 //! TIM5 measures the silence on the lines, TIM2 is `embassy-time`'s. Everything else is the application's, but
-//! for EXTI lines 1, 3, 10 and 11 (the start-bit detectors, see [`usart`]).
+//! for EXTI (the start-bit detectors, see [`usart`]) and, where AS1 has RTS/CTS, the pins of USB.
 //!
 //! One source for the chip and for QEMU: feature `hardware`, on by default, or `qemu`. Feature `defmt` logs
 //! over RTT.

@@ -38,7 +38,8 @@ pub const fn pin(gpio: char, number: u8) -> Pin {
 pub struct Handshake {
     /// Clear to send, an input: the USART sends while it is low.
     pub cts: Pin,
-    /// Ready to receive, an output: low while the USART takes characters.
+    /// Ready to receive, an output: low while the USART takes characters, and while the port sends, although it hears
+    /// nothing then (ES0182, RTS is active while RE or UE is 0).
     pub rts: Pin,
 }
 

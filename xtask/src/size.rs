@@ -15,7 +15,7 @@ const FLASH_NEW_BOOTLOADER: u64 = 32 * 1024 - 512;
 /// SRAM of the ATmega328P (DS40002061B section 8.3).
 const RAM: u64 = 2048;
 
-/// Flash and SRAM of the STM32F405RG; 64 KB more are coupled to the core and not used (DS 2.2.3, 2.2.18).
+/// Flash and SRAM of the STM32F405RG; 64 KB more are coupled to the core and not used (RM0090 3.3, 2.3.1).
 const STM32_FLASH: u64 = 1024 * 1024;
 const STM32_RAM: u64 = 128 * 1024;
 

@@ -15,9 +15,19 @@ use super::{ALARMS, CHARACTERS, OTHERS, group_priorities};
 use crate::ports::{APB1_HZ, APB2_HZ, PORTS};
 use crate::usart;
 
-/// The crystal. For another one change PREDIV with it: HSE / PREDIV must be 1 or 2 MHz (RM0090 7.3.2).
-const HSE: Hertz = Hertz(8_000_000);
+/// The crystal, in Hz. For another one change PREDIV with it.
+const CRYSTAL_HZ: u32 = 8_000_000;
 const PREDIV: PllPreDiv = PllPreDiv::DIV4;
+
+/// What the PLL is fed with: 1 to 2 MHz, of which the latter is recommended, as its output is the cleaner for it
+/// (RM0090 7.3.2). The multiplier below is for that.
+const PLL_IN_HZ: u32 = CRYSTAL_HZ / PREDIV.to_bits() as u32;
+const _: () = assert!(
+    PLL_IN_HZ == 2_000_000 && CRYSTAL_HZ.is_multiple_of(PLL_IN_HZ),
+    "CRYSTAL_HZ divided by PREDIV must be 2 MHz"
+);
+const CPU_HZ: u32 = PLL_IN_HZ * 168 / 2;
+const _: () = assert!(CPU_HZ / 4 == APB1_HZ && CPU_HZ / 2 == APB2_HZ);
 
 /// TIM5 is clocked with twice APB1 (RM0090 7.2), and divided by two.
 const PRESCALER: u16 = 2;
@@ -30,7 +40,7 @@ const CC1: u32 = 1 << 1;
 pub(crate) fn init() {
     let mut config = embassy_stm32::Config::default();
     config.rcc.hse = Some(Hse {
-        freq: HSE,
+        freq: Hertz(CRYSTAL_HZ),
         mode: HseMode::Oscillator,
     });
     config.rcc.pll_src = PllSource::HSE;
@@ -46,7 +56,8 @@ pub(crate) fn init() {
     config.rcc.ahb_pre = AHBPrescaler::DIV1;
     config.rcc.apb1_pre = APBPrescaler::DIV4;
     config.rcc.apb2_pre = APBPrescaler::DIV2;
-    const { assert!(168_000_000 / 4 == APB1_HZ && 168_000_000 / 2 == APB2_HZ) };
+    // Else those of DMA, which an application may use, go before characters.
+    config.dma_interrupt_priority = OTHERS;
     embassy_stm32::init(config);
 
     // Prefetch and both caches (RM0090 3.9.1), which `init` leaves off: without them a fetch waits for up to five

@@ -6,8 +6,11 @@
 //!
 //! RXNE comes near the end of a character, so by itself it tells only a whole character late that one began
 //! within t1.5. The pending bit that EXTI sets on a falling edge of RXD serves as a start-bit detector: polled
-//! when the alarm goes off, never as an interrupt. An application that enables EXTI1, EXTI3 or EXTI15_10 in
-//! the NVIC gets a needless interrupt per falling edge of the port.
+//! when the alarm goes off, never as an interrupt.
+//!
+//! So an application must leave EXTI to the ports: embassy-stm32's feature `exti`, whose interrupt handler takes and masks
+//! the pending bits of all lines, is not for an image with this crate. Its own interrupts it gives priority P8 or
+//! lower: higher ones delay characters.
 
 pub mod baud;
 pub(crate) mod settings;

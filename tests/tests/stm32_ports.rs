@@ -81,13 +81,13 @@ fn units_that_are_missing_and_ports_that_refuse() {
     expect(&mut desk, &request, &exception(10, 16, 3));
     expect(
         &mut desk,
-        &words(10, 3, 3044, 2),
+        &words(10, 3, 4044, 2),
         &data(10, 3, &be(&[0, 38_400])),
     );
     let (request, _) = load(RS4 + 1, 22, 9_600);
     expect(&mut desk, &request, &exception(10, 16, 2));
-    expect(&mut desk, &words(10, 6, 3044, 1), &exception(10, 6, 2));
-    expect(&mut desk, &words(10, 3, 1006, 2), &exception(10, 3, 2));
+    expect(&mut desk, &words(10, 6, 4044, 1), &exception(10, 6, 2));
+    expect(&mut desk, &words(10, 3, 2006, 2), &exception(10, 3, 2));
     // The Nano is asleep, then off the bus: an asker that has given up finds the port as ever.
     let node = desk.nodes[0];
     desk.bus.unplug(node);
@@ -95,7 +95,7 @@ fn units_that_are_missing_and_ports_that_refuse() {
     desk.bus.run_for(Time::from_ms(10));
     expect(
         &mut desk,
-        &words(10, 3, 3044, 2),
+        &words(10, 3, 4044, 2),
         &data(10, 3, &be(&[0, 38_400])),
     );
     desk.bus.plug(node);

@@ -16,6 +16,7 @@ pub const BAUD: u16 = 22;
 const FORMAT: u16 = 23;
 
 /// Exceptions of a router.
+const NO_PATH: u8 = 0x0A;
 const NO_ANSWER: u8 = 0x0B;
 
 /// One of them.
@@ -85,7 +86,9 @@ pub fn change(port: usize, count: u32, as1: (u8, Line)) -> Vec<Step> {
                 HushUnits,
                 Load(RS4, MODE, OFF),
                 Own(5),
+                Refused(NO_PATH),
                 Own(5),
+                Refused(NO_PATH),
                 Load(RS4, MODE, MASTER),
             ],
             1 => vec![

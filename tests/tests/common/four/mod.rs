@@ -3,16 +3,18 @@
 //!
 //! | port | load | what is changed |
 //! |---|---|---|
-//! | AS2 | an ASCII master writes and reads its registers | unit id, framing, format and baud |
+//! | AS1 | a PC reads its registers, and writes and reads units 1 and 2 | unit id, baud |
+//! | AS2 | an ASCII master writes and reads its registers, and unit 3 as unit 13 | unit id, framing, format and baud |
 //! | RS2 | prints RS4 | baud |
 //! | RS4 | polls units 1, 2 and 3 | mode off and master again, baud, timeout |
 //!
-//! The PC on AS1 writes and reads units 1, 2 and 3 through RS4, reads AS1's own registers, and loads the others' registers.
-//! Whatever port is changed, the other three go on without a lost or wrong answer; so does that one, before and after.
+//! All registers are loaded by the PC. Whatever port is changed, the other three go on without a lost or wrong answer; so does
+//! that one, before and after.
 
 mod asker;
 mod changes;
 mod sniffed;
+pub mod units;
 
 pub use asker::{Asker, From};
 
@@ -52,7 +54,10 @@ pub const TIMEOUT: Time = Time::from_ms(50);
 
 /// How often a port is changed, and which, in turn.
 const EVERY: Time = Time::from_ms(1_000);
-const CHANGED: [usize; 3] = [AS2, RS2, RS4];
+const CHANGED: [usize; 4] = [AS1, AS2, RS2, RS4];
+
+/// More than all need to listen.
+const BOOT: Time = Time::from_ms(20);
 
 /// How often the hosts look at what they have heard: more often than t3.5 passes.
 const STEP: Time = Time::from_us(500);
@@ -81,6 +86,13 @@ impl Desk {
     /// # Errors
     /// Where an image cannot be run.
     pub fn new(ports: &Path, units: &[&Path]) -> Result<Self, BusError> {
+        let mut desk = Self::at_zero(ports, units)?;
+        desk.bus.run_for(BOOT);
+        Ok(desk)
+    }
+
+    /// The same at time zero.
+    fn at_zero(ports: &Path, units: &[&Path]) -> Result<Self, BusError> {
         let mut bus = Bus::new(BusConfig::default());
         let mut nodes = Vec::new();
         for unit in units {
@@ -98,7 +110,6 @@ impl Desk {
         let pc = bus.add_host_on(as1, HostPort::new(LINE));
         let ascii = bus.add_host_on(as2, HostPort::new(ASCII));
         let terminal = bus.add_host_on(rs2, HostPort::new(TEXT));
-        bus.run_for(Time::from_ms(20));
         Ok(Desk {
             bus,
             pc,
@@ -129,7 +140,7 @@ impl Desk {
 ///
 /// [r]: multidrop_protocol::port_registers::Register::number
 pub fn setting(port: usize, n: u16) -> u16 {
-    1000 * port as u16 + 2 * n
+    1000 * (port as u16 + 1) + 2 * n
 }
 
 /// What became of it.
@@ -339,7 +350,7 @@ impl Load {
 
     /// A port's rate, as AS1's own registers have it.
     fn ask_own(&mut self, bus: &mut Bus) {
-        self.pc_asked += 1;
+        self.pc_asked = self.pc_asked.wrapping_add(1);
         let port = CHANGED[usize::from(self.pc_asked) % CHANGED.len()];
         let request = body(self.as1.0, 3, setting(port, BAUD), 2);
         let mut answer = vec![self.as1.0, 3, 4];
@@ -353,27 +364,27 @@ impl Load {
         if step == 2 {
             return self.ask_own(bus);
         }
-        self.pc_asked += 1;
-        let place = usize::from(round) % 2;
-        let (request, answer) = write_or_read(
-            place as u8 + 1,
-            0,
-            &mut self.units[place],
-            (step == 0).then_some(round.wrapping_mul(26_541)),
-        );
+        self.pc_asked = self.pc_asked.wrapping_add(1);
+        let place = usize::from(round % 2);
+        let value = (step == 0).then_some(round.wrapping_mul(26_541));
+        let cell = &mut self.units[place];
+        let (request, answer) = write_or_read(place as u8 + 1, 0, cell, value);
         self.pc.ask(bus, request, answer, From::Unit);
     }
 
-    /// The same of AS2.
+    /// A register of AS2 is written, then read; then the third unit's.
     fn ask_as2(&mut self, bus: &mut Bus) {
-        let round = self.ascii_asked / 2;
-        let value = round.wrapping_mul(40_503);
-        let value = self.ascii_asked.is_multiple_of(2).then_some(value);
-        self.ascii_asked += 1;
-        let place = round % 16;
-        let cell = &mut self.cells[usize::from(place)];
-        let (request, answer) = write_or_read(self.as2, place, cell, value);
-        self.ascii.ask(bus, request, answer, From::Port);
+        let (round, step) = (self.ascii_asked / 4, self.ascii_asked % 4);
+        self.ascii_asked = self.ascii_asked.wrapping_add(1);
+        let value = (step % 2 == 0).then_some(round.wrapping_mul(40_503));
+        if step < 2 || self.hush == Some(Step::HushUnits) {
+            let place = round % 16;
+            let cell = &mut self.cells[usize::from(place)];
+            let (request, answer) = write_or_read(self.as2, place, cell, value);
+            return self.ascii.ask(bus, request, answer, From::Port);
+        }
+        let (request, answer) = write_or_read(13, 0, &mut self.units[2], value);
+        self.ascii.ask(bus, request, answer, From::Unit);
     }
 
     /// Takes what was on the wires.

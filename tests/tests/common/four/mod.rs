@@ -22,8 +22,8 @@ use std::collections::VecDeque;
 use std::path::Path;
 
 use multidrop_bus::{
-    Bus, BusConfig, BusError, Format, HostId, HostPort, Line, MachineId, NodeId, Station, Stm32,
-    Time, WireId, barrier,
+    Bus, BusConfig, BusError, Format, HostId, HostPort, Line, MachineId, NodeId, Parts, Station,
+    Stm32, Time, WireId, barrier,
 };
 
 use super::plain::wire::Way;
@@ -86,13 +86,20 @@ impl Desk {
     /// # Errors
     /// Where an image cannot be run.
     pub fn new(ports: &Path, units: &[&Path]) -> Result<Self, BusError> {
-        let mut desk = Self::at_zero(ports, units)?;
+        Self::in_parts(ports, units, Parts::default())
+    }
+
+    /// The same, and the parts of the image of `ports` are counted apart.
+    ///
+    /// # Errors
+    /// As [`Desk::new`].
+    pub fn in_parts(ports: &Path, units: &[&Path], parts: Parts) -> Result<Self, BusError> {
+        let mut desk = Self::at_zero(ports, units, parts)?;
         desk.bus.run_for(BOOT);
         Ok(desk)
     }
 
-    /// The same at time zero.
-    fn at_zero(ports: &Path, units: &[&Path]) -> Result<Self, BusError> {
+    fn at_zero(ports: &Path, units: &[&Path], parts: Parts) -> Result<Self, BusError> {
         let mut bus = Bus::new(BusConfig::default());
         let mut nodes = Vec::new();
         for unit in units {
@@ -101,12 +108,13 @@ impl Desk {
         let rs4 = WireId::default();
         let [as1, as2, rs2] = [0; 3].map(|_| bus.add_wire());
         let wires = [as1, as2, rs2, rs4];
-        let machine = bus.add_stm32(Stm32 {
+        let stm32 = Stm32 {
             name: "ports".to_owned(),
             image: ports.to_path_buf(),
             plugin: barrier()?,
             wires: wires.map(Some),
-        })?;
+        };
+        let machine = bus.add_stm32_in_parts(stm32, parts)?;
         let pc = bus.add_host_on(as1, HostPort::new(LINE));
         let ascii = bus.add_host_on(as2, HostPort::new(ASCII));
         let terminal = bus.add_host_on(rs2, HostPort::new(TEXT));

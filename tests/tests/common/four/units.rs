@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use multidrop_bus::{BusError, HostId, HostPort, Time, Tx, frames};
+use multidrop_bus::{BusError, HostId, HostPort, Parts, Time, Tx, frames};
 
 use super::super::plain::wire::{Way, ascii, from_ascii, from_rtu, rtu};
 use super::{BOOT, Desk, LINE, RS4, TIMEOUT};
@@ -41,7 +41,7 @@ impl<'a> Played<'a> {
         ports: &Path,
         script: impl FnMut(&[u8]) -> Vec<Reply> + 'a,
     ) -> Result<Self, BusError> {
-        let mut desk = Desk::at_zero(ports, &[])?;
+        let mut desk = Desk::at_zero(ports, &[], Parts::default())?;
         let wire = desk.wires[RS4];
         let units = desk.bus.add_host_on(wire, HostPort::new(LINE));
         let mut played = Played {

@@ -129,20 +129,14 @@ fn is_of(context: &Context<Slice<'_>>, address: u64, source: &str, except: &[&st
         if !file.is_some_and(|file| file.ends_with(source)) {
             continue;
         }
-        let name = frame.function.as_ref().map(|name| name.raw_name());
+        let name = frame.function.as_ref().map(|name| name.demangle());
         found = !name.is_some_and(|name| {
             let name = name.unwrap_or_default();
-            except.iter().any(|except| has_name(&name, except))
+            let last = name.rsplit("::").next();
+            except.iter().any(|except| last == Some(*except))
         });
     }
     found
-}
-
-/// Whether a name as the linker sees it is that of the function `function`: in Rust's mangling each part of a path has
-/// its length before it, and a hash comes last.
-fn has_name(name: &str, function: &str) -> bool {
-    let part = format!("{}{function}17h", function.len());
-    name == function || name.contains(&part)
 }
 
 /// Instructions that a machine has executed.

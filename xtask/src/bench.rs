@@ -1,8 +1,8 @@
-//! `bench`: builds the yardstick images as they are flashed and measures them on the simulated bus.
+//! `bench`: builds images as they are flashed, those of the STM32 for QEMU too, and measures them on the simulated bus.
 
 use crate::error::Error;
 use crate::firmware::Builder;
-use crate::image::{App, Board, Image, Options};
+use crate::image::{App, Board, Image, Options, word};
 use crate::needs::Purpose;
 use crate::sim::program;
 use crate::toolchain::Toolchain;
@@ -16,8 +16,14 @@ const COUNTS: [u8; 2] = [16, 128];
 /// The two bauds that are measured in full, and all at which requests must not be lost.
 const BAUDS: [u32; 6] = [38_400, 57_600, 115_200, 250_000, 500_000, 1_000_000];
 
-/// Where the figures are kept, and where a part of them is shown, from the root of the repository.
-const KEPT: &str = "figures/nano.json";
+/// The same of the STM32 in QEMU.
+const STM32_COUNT: u8 = 128;
+const STM32_BAUDS: [u32; 5] = [38_400, 115_200, 500_000, 1_000_000, 2_000_000];
+
+/// The units that the long run of the STM32's four ports has behind one of them.
+const UNITS: [u8; 3] = [1, 2, 3];
+
+/// Where the figures are shown, from the root of the repository.
 const README: &str = "README.md";
 
 /// The same of the server on the host.
@@ -37,10 +43,14 @@ pub fn run(json: Option<&Path>, record: bool) -> Result<(), Error> {
     setup::require(&[
         Purpose::Firmware,
         Purpose::Avr,
+        Purpose::Arm,
         Purpose::Simulator,
+        Purpose::Machine,
         Purpose::Profiler,
     ])?;
-    let mut bench = measured(&Builder::new()?)?;
+    let builder = Builder::new()?;
+    let mut nano = measured(&builder, Board::Nano)?;
+    let mut stm32 = measured(&builder, Board::Stm32)?;
     let mut speed =
         repo::cargo_in_root(&["bench", "--quiet", "--package", HOST, "--bench", "server"]);
     speed.args(["--", "--noplot", "--quiet"]);
@@ -48,8 +58,8 @@ pub fn run(json: Option<&Path>, record: bool) -> Result<(), Error> {
     speed.env("CRITERION_HOME", &criterion);
     let mut host = on_host();
     host.arg("--criterion").arg(criterion);
-    // The second adds to the file of the first.
-    for command in [&mut bench, &mut host] {
+    // The others add to the file of the first.
+    for command in [&mut nano, &mut stm32, &mut host] {
         if let Some(json) = &json {
             command.arg("--json").arg(json);
         }
@@ -57,7 +67,8 @@ pub fn run(json: Option<&Path>, record: bool) -> Result<(), Error> {
             command.arg("--record");
         }
     }
-    repo::run(&mut bench)?;
+    repo::run(&mut nano)?;
+    repo::run(&mut stm32)?;
     repo::run(&mut speed)?;
     repo::run(&mut host)
 }
@@ -105,22 +116,31 @@ fn check_json(path: &Path) -> Result<(), Error> {
 ///
 /// # Errors
 /// When an image cannot be built.
-pub fn check(builder: &Builder) -> Result<Command, Error> {
-    let mut bench = measured(builder)?;
+pub fn check(builder: &Builder, board: Board) -> Result<Command, Error> {
+    let mut bench = measured(builder, board)?;
     bench.arg("--check");
     Ok(bench)
 }
 
-fn measured(builder: &Builder) -> Result<Command, Error> {
+fn measured(builder: &Builder, board: Board) -> Result<Command, Error> {
     let mut bench = program("bench");
-    bench.arg("--compiler").arg(compiler(builder.toolchain()));
-    bench.arg("--kept").arg(near(KEPT));
+    let (images, flashed) = match board {
+        Board::Nano => (images()?, Vec::new()),
+        Board::Stm32 => (machine_images()?, flashed_images()?),
+    };
+    bench.arg("--board").arg(word(board));
+    bench.arg("--compiler");
+    bench.arg(compiler(builder.toolchain(), board));
+    let kept = format!("figures/{}.json", word(board));
+    bench.arg("--kept").arg(near(&kept));
     bench.arg("--readme").arg(near(README));
-    for (name, image) in images()? {
-        let elf = builder.build(&image)?;
-        let size::Size { flash, ram } = size::of(&elf)?;
-        bench.arg("--image");
-        bench.arg(format!("{name}:{flash}:{ram}:{}", elf.display()));
+    for (option, images) in [("--image", images), ("--flashed", flashed)] {
+        for (name, image) in images {
+            let elf = builder.build(&image)?;
+            let size::Size { flash, ram } = size::of(&elf)?;
+            bench.arg(option);
+            bench.arg(format!("{name}:{flash}:{ram}:{}", elf.display()));
+        }
     }
     Ok(bench)
 }
@@ -131,6 +151,44 @@ fn near(path: &str) -> PathBuf {
         Ok(folder) if folder == repo::root() => PathBuf::from(path),
         _ => repo::root().join(path),
     }
+}
+
+/// Those of the STM32 that are flashed.
+fn flashed_images() -> Result<Vec<(String, Image)>, Error> {
+    let apps = Board::Stm32.apps().iter();
+    apps.map(|&app| {
+        let image = Image::new(Board::Stm32, app, Options::default())?;
+        Ok((format!("{}:16:38400", image.app()), image))
+    })
+    .collect()
+}
+
+/// Those that QEMU runs, and the Nanos beside it.
+fn machine_images() -> Result<Vec<(String, Image)>, Error> {
+    let qemu = Options {
+        qemu: true,
+        ..Options::default()
+    };
+    let ports = Image::new(Board::Stm32, App::Ports, qemu)?;
+    let mut images = vec![("ports:16:38400".to_owned(), ports)];
+    for baud in STM32_BAUDS {
+        let options = Options {
+            count: Some(STM32_COUNT),
+            baud: (baud != 38_400).then_some(baud),
+            ..qemu
+        };
+        let image = Image::new(Board::Stm32, App::Registers, options)?;
+        images.push((format!("registers:{STM32_COUNT}:{baud}"), image));
+    }
+    for unit in UNITS {
+        let options = Options {
+            unit: Some(unit),
+            ..Options::default()
+        };
+        let image = Image::new(Board::Nano, App::DemoUnit, options)?;
+        images.push((format!("unit{unit}:1:38400"), image));
+    }
+    Ok(images)
 }
 
 /// Each image with application, count and baud as `bench` wants to be told.
@@ -160,9 +218,9 @@ fn images() -> Result<Vec<(String, Image)>, Error> {
 }
 
 /// What decides over the machine code: compiler and code generator, and the C compiler whose library holds
-/// the arithmetic. Not where they come from, and of LLVM's version not the last part: rustup's build of the release
+/// the arithmetic, or the QEMU that tells when an interrupt is taken. Not where they come from, and of LLVM's version not the last part: rustup's build of the release
 /// holds 22.1.2, Debian's 22.1.8, and their images measure the same in every figure.
-fn compiler(toolchain: &Toolchain) -> String {
+fn compiler(toolchain: &Toolchain, board: Board) -> String {
     let version = toolchain.version();
     let field = |name: &str| {
         version
@@ -171,14 +229,25 @@ fn compiler(toolchain: &Toolchain) -> String {
             .unwrap_or("unknown")
     };
     let llvm: Vec<&str> = field("LLVM version: ").split('.').take(2).collect();
-    let gcc = repo::output_of(Command::new("avr-gcc").arg("-dumpversion"));
+    let gcc = || repo::output_of(Command::new("avr-gcc").arg("-dumpversion"));
+    let beside = match board {
+        Board::Nano => format!("avr-gcc {}", gcc().as_deref().unwrap_or("unknown")),
+        Board::Stm32 => format!("QEMU {}", qemu().as_deref().unwrap_or("unknown")),
+    };
     format!(
-        "rustc {} ({:.9}), LLVM {}, avr-gcc {}",
+        "rustc {} ({:.9}), LLVM {}, {beside}",
         field("release: "),
         field("commit-hash: "),
         llvm.join("."),
-        gcc.as_deref().unwrap_or("unknown"),
     )
+}
+
+/// Its version, without the last part.
+fn qemu() -> Option<String> {
+    let told = repo::output_of(Command::new("qemu-system-arm").arg("--version"))?;
+    let version = told.split_whitespace().nth(3)?;
+    let parts: Vec<_> = version.split('.').take(2).collect();
+    Some(parts.join("."))
 }
 
 #[cfg(test)]
@@ -208,5 +277,13 @@ mod tests {
         let stems: std::collections::BTreeSet<_> =
             images.iter().map(|(_, image)| image.stem()).collect();
         assert_eq!(stems.len(), images.len());
+        let stm32 = [
+            machine_images().expect("valid"),
+            flashed_images().expect("valid"),
+        ]
+        .concat();
+        let stems: std::collections::BTreeSet<_> =
+            stm32.iter().map(|(_, image)| image.stem()).collect();
+        assert_eq!(stems.len(), stm32.len());
     }
 }

@@ -110,12 +110,16 @@ fn run_all(tally: &mut Tally) {
     run_tests(tally, "tests on the simulated bus", bus, Summary::Rust);
 
     if let Ok(builder) = &builder {
-        let name = "figures and goals";
-        match bench::check(builder) {
-            Ok(command) => run_tests(tally, name, command, Summary::Rust),
-            Err(error) => {
-                println!("{}", error.message());
-                tally.check(name, false);
+        for (name, board) in [
+            ("figures and goals of the Nano", Board::Nano),
+            ("figures and goals of the STM32", Board::Stm32),
+        ] {
+            match bench::check(builder, board) {
+                Ok(command) => run_tests(tally, name, command, Summary::Rust),
+                Err(error) => {
+                    println!("{}", error.message());
+                    tally.check(name, false);
+                }
             }
         }
     }

@@ -14,7 +14,7 @@ pub type Set = BTreeMap<String, f64>;
 pub struct Figures {
     /// What the images were compiled and linked with.
     pub compiler: String,
-    /// The clock of the chip, in Hz.
+    /// The clock of the chip, or the instructions in a second of the machine, in Hz.
     pub clock_hz: u32,
     /// By image.
     #[serde(serialize_with = "whole_where_whole")]
@@ -23,10 +23,10 @@ pub struct Figures {
 
 impl Figures {
     /// None yet.
-    pub fn new(compiler: &str) -> Self {
+    pub fn new(compiler: &str, clock_hz: u32) -> Self {
         Figures {
             compiler: compiler.to_owned(),
-            clock_hz: 16_000_000,
+            clock_hz,
             images: BTreeMap::new(),
         }
     }

@@ -4,7 +4,8 @@ use multidrop_bus::{Bus, BusConfig, HostPort, Nano, Station, Time, Tx, frames};
 
 use crate::Trouble;
 use crate::figures::{Range, Set, us_between};
-use crate::image::{Image, Images};
+use crate::image::Images;
+use crate::measure::sizes;
 use crate::plain::requests::Requests;
 use crate::plain::wire::{Flaw, Way};
 use crate::random::Random;
@@ -77,11 +78,4 @@ pub fn client(images: &Images<'_>) -> Result<Set, Trouble> {
     let mut set = sizes(image);
     gaps.store(&mut set, "request_gap", "us");
     Ok(set)
-}
-
-fn sizes(image: &Image) -> Set {
-    Set::from([
-        ("flash_bytes".to_owned(), f64::from(image.flash)),
-        ("static_ram_bytes".to_owned(), f64::from(image.ram)),
-    ])
 }

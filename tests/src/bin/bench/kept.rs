@@ -9,9 +9,19 @@ use serde::Serialize;
 use crate::Trouble;
 use crate::figures::{Figures, Set};
 
-/// Writes the figures of this run as JSON.
-pub fn write(path: &Path, figures: &Figures) -> Result<(), Trouble> {
-    save(path, figures)
+/// Writes the figures of this run as JSON; under a name, into the file that is there.
+pub fn write(path: &Path, name: Option<&str>, figures: &Figures) -> Result<(), Trouble> {
+    let Some(name) = name else {
+        return save(path, figures);
+    };
+    let text = fs::read_to_string(path).map_err(|source| file(path, source))?;
+    let json = |source| Trouble::Json {
+        path: path.to_owned(),
+        source,
+    };
+    let mut all: serde_json::Value = serde_json::from_str(&text).map_err(json)?;
+    all[name] = serde_json::to_value(figures).map_err(json)?;
+    save(path, &all)
 }
 
 fn save(path: &Path, contents: &impl Serialize) -> Result<(), Trouble> {
@@ -65,6 +75,18 @@ pub fn record(path: &Path, figures: &Figures) -> Result<Vec<Figures>, Trouble> {
     others.sort_by(|a, b| a.compiler.cmp(&b.compiler));
     save(path, &others)?;
     Ok(others)
+}
+
+/// Takes over what is kept of `image` for the compiler of `figures`, if it has any kept: what takes too long to be
+/// measured each time.
+pub fn take_over(path: &Path, image: &str, figures: &mut Figures) -> Result<(), Trouble> {
+    let kept = load(path)?.into_iter();
+    let own = kept.filter(|kept| kept.compiler == figures.compiler);
+    for mut kept in own {
+        let set = kept.images.remove(image).unwrap_or_default();
+        figures.images.insert(image.to_owned(), set);
+    }
+    Ok(())
 }
 
 /// Compares with what is kept, prints the differences, and gives whether each image is as it was: nothing
@@ -150,8 +172,24 @@ mod tests {
         assert!(differences(&kept, &kept).is_empty());
     }
 
+    #[test]
+    fn what_is_taken_over_is_of_the_same_compiler_and_missing_where_it_is_not_kept() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("figures.json");
+        record(&path, &figures("one", 0.1)).expect("written");
+        let taken = |compiler: &str, image: &str| {
+            let mut figures = Figures::new(compiler, 1);
+            take_over(&path, image, &mut figures).expect("read");
+            figures.images.remove(image)
+        };
+        let kept = figures("one", 0.1).images.remove("registers-16@38400");
+        assert_eq!(taken("one", "registers-16@38400"), kept);
+        assert_eq!(taken("one", "another image"), Some(Set::new()));
+        assert_eq!(taken("another", "registers-16@38400"), None);
+    }
+
     fn figures(compiler: &str, value: f64) -> Figures {
-        let mut figures = Figures::new(compiler);
+        let mut figures = Figures::new(compiler, 16_000_000);
         let set = Set::from([("a_us".to_owned(), value), ("b_us".to_owned(), 1750.063)]);
         figures.images.insert("registers-16@38400".to_owned(), set);
         figures

@@ -10,7 +10,7 @@ use crate::traffic::{Desk, Shape, mixed};
 /// The bauds that are tried, in order.
 pub const BAUDS: [u32; 6] = [38_400, 57_600, 115_200, 250_000, 500_000, 1_000_000];
 /// Requests without a loss that make a baud loss-free.
-const REQUESTS: usize = 400;
+pub const REQUESTS: usize = 400;
 
 /// Requests at each clock error.
 const CLOCK_REQUESTS: usize = 100;
@@ -37,7 +37,7 @@ pub fn loss_free_baud(images: &Images<'_>, count: u8) -> Result<u32, Trouble> {
 }
 
 /// Whether that many mixed requests are answered, each right to the last bit.
-fn answers_all(desk: &mut Desk, requests: usize) -> bool {
+pub fn answers_all<N>(desk: &mut Desk<N>, requests: usize) -> bool {
     (0..requests).all(|_| {
         let request = mixed(desk.count, &mut desk.random);
         desk.ask(&request).is_some()

@@ -57,7 +57,8 @@ pub fn all(images: &Images<'_>, figures: &mut Figures) -> Result<(), Trouble> {
     Ok(())
 }
 
-fn sizes(image: &Image) -> Set {
+/// What is known of an image without running it.
+pub fn sizes(image: &Image) -> Set {
     Set::from([
         ("flash_bytes".to_owned(), f64::from(image.flash)),
         ("static_ram_bytes".to_owned(), f64::from(image.ram)),
@@ -67,13 +68,14 @@ fn sizes(image: &Image) -> Set {
 fn one(image: &Image) -> Result<Set, Trouble> {
     let mut set = sizes(image);
     set.insert("stack_peak_bytes".to_owned(), stack_peak(image)?);
-    turnaround(image, &mut set)?;
+    turnaround(&mut Desk::new(image, |_| {})?, EXCHANGES, &mut set)?;
     for (name, phase) in [
         ("baud_tick", TxPhase::BaudTick),
         ("bit_clock", TxPhase::BitClock),
     ] {
         let mut desk = Desk::new(image, |nano| nano.tx_phase = phase)?;
-        let range = exchanges(&mut desk, Shape::Read(1), &mut Range::default())?.turnaround;
+        let mut gaps = Range::default();
+        let range = exchanges(&mut desk, Shape::Read(1), EXCHANGES, &mut gaps)?.turnaround;
         range.store(&mut set, &format!("tx_{name}_turnaround_03x1"), "us");
         let jitter = rounded(range.width());
         set.insert(format!("tx_{name}_jitter_03x1_us"), jitter);
@@ -95,10 +97,15 @@ struct Series {
     de_lag: Range,
 }
 
-fn exchanges(desk: &mut Desk, shape: Shape, gaps: &mut Range) -> Result<Series, Trouble> {
+fn exchanges<N>(
+    desk: &mut Desk<N>,
+    shape: Shape,
+    count: usize,
+    gaps: &mut Range,
+) -> Result<Series, Trouble> {
     let mut series = Series::default();
     let silence = desk.line().t35();
-    for _ in 0..EXCHANGES {
+    for _ in 0..count {
         desk.idle();
         let request = shape.request(desk.count, &mut desk.random);
         let seen = desk.expect(&request)?;
@@ -111,13 +118,12 @@ fn exchanges(desk: &mut Desk, shape: Shape, gaps: &mut Range) -> Result<Series, 
     Ok(series)
 }
 
-/// Turnaround and jitter for each shape; DE and the gaps inside answers over all of them.
-fn turnaround(image: &Image, set: &mut Set) -> Result<(), Trouble> {
-    let mut desk = Desk::new(image, |_| {})?;
+/// Turnaround and jitter for each shape, over so many exchanges; DE and the gaps inside answers over all of them.
+pub fn turnaround<N>(desk: &mut Desk<N>, count: usize, set: &mut Set) -> Result<(), Trouble> {
     let mut all = Series::default();
     let mut gaps = Range::default();
-    for shape in Shape::measured(image.count) {
-        let series = exchanges(&mut desk, shape, &mut gaps)?;
+    for shape in Shape::measured(desk.count) {
+        let series = exchanges(desk, shape, count, &mut gaps)?;
         let name = shape.name();
         series
             .turnaround

@@ -1,4 +1,4 @@
-//! The figures as people read them: one row for each measure, one column for each image.
+//! The figures as people read them: one row for each measure, one column for each image; and the Nano's rows.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use crate::figures::Figures;
 use crate::measure::{BAUDS, COUNTS};
 
 /// A row: what it shows, in which unit, from which figures, and what to hold it against.
-struct Row {
+pub struct Row {
     title: &'static str,
     unit: &'static str,
     shown: Shown,
@@ -17,7 +17,7 @@ struct Row {
 }
 
 /// Which figures a cell is made of.
-enum Shown {
+pub enum Shown {
     /// One.
     One(&'static str),
     /// `NAME_min_UNIT` and `NAME_max_UNIT`, given as these two.
@@ -28,7 +28,8 @@ enum Shown {
 
 use Shown::{One, Range, Three};
 
-const fn row(title: &'static str, unit: &'static str, shown: Shown) -> Row {
+/// A row without goal or peer, in the long table only.
+pub const fn row(title: &'static str, unit: &'static str, shown: Shown) -> Row {
     Row {
         title,
         unit,
@@ -40,7 +41,8 @@ const fn row(title: &'static str, unit: &'static str, shown: Shown) -> Row {
 }
 
 impl Row {
-    const fn goal(mut self, goal: &'static str) -> Self {
+    /// With a goal.
+    pub const fn goal(mut self, goal: &'static str) -> Self {
         self.goal = goal;
         self
     }
@@ -50,7 +52,8 @@ impl Row {
         self
     }
 
-    const fn brief(mut self) -> Self {
+    /// In the README too.
+    pub const fn brief(mut self) -> Self {
         self.brief = true;
         self
     }
@@ -248,7 +251,8 @@ const ROWS: &[Row] = &[
     .brief(),
 ];
 
-const fn turnaround(title: &'static str, min: &'static str, max: &'static str) -> Row {
+/// A row of the smallest and the largest in microseconds.
+pub const fn turnaround(title: &'static str, min: &'static str, max: &'static str) -> Row {
     row(title, "us", Range(min, max))
 }
 
@@ -256,57 +260,83 @@ const fn jitter(title: &'static str, name: &'static str) -> Row {
     row(title, "us", One(name)).goal("<= 20")
 }
 
-/// The whole table, with what it was measured on.
-pub fn of(figures: &Figures) -> String {
-    let cells = lines(figures, |_| true);
-    format!(
-        "registers-COUNT@BAUD: the image `registers` with COUNT items in each table at BAUD 8N1,\n\
-         the others are at 38400 8N1.\n\
-         ATmega328P at {} MHz on the simulated bus; t3.5 is 1750 us.\n\
-         Compiler: {}\n\n{}",
-        figures.clock_hz / 1_000_000,
-        figures.compiler,
-        aligned(&cells)
-    )
+/// A table of one board.
+pub struct Table {
+    rows: &'static [Row],
+    /// What it has columns of.
+    images: Vec<String>,
+    /// What it was measured on.
+    head: &'static str,
+    has_peers: bool,
 }
 
-/// The table for the README: a part of the rows.
-pub fn brief(figures: &Figures) -> String {
-    let mut text = String::new();
-    for (index, line) in lines(figures, |row| row.brief).iter().enumerate() {
-        text.push_str(&format!("| {} |\n", line.join(" | ")));
-        if index == 0 {
-            text.push_str(&format!("|---|---|{}\n", "--:|".repeat(line.len() - 2)));
-        }
-    }
-    format!("{text}\nCompiler: {}\n", figures.compiler)
-}
-
-/// The cells, heading first: title, unit, images, goal, best peer.
-fn lines(figures: &Figures, wanted: fn(&Row) -> bool) -> Vec<Vec<String>> {
+/// The Nano's.
+pub fn nano() -> Table {
     let registers = COUNTS
         .iter()
         .flat_map(|count| BAUDS.map(|baud| format!("registers-{count}@{baud}")));
-    let images: Vec<String> = ["demo-unit".to_owned()]
-        .into_iter()
-        .chain(registers)
-        .chain(["conformance", "client-functions"].map(str::to_owned))
-        .collect();
-    let mut lines = vec![heading(&images)];
-    for row in ROWS.iter().filter(|row| wanted(row)) {
-        let mut line = vec![row.title.to_owned(), row.unit.to_owned()];
-        line.extend(images.iter().map(|image| cell(figures, image, &row.shown)));
-        line.extend([row.goal.to_owned(), row.peer.to_owned()]);
-        lines.push(line);
+    let images = ["demo-unit".to_owned()].into_iter().chain(registers);
+    let others = ["conformance", "client-functions"].map(str::to_owned);
+    Table {
+        has_peers: true,
+        ..Table::new(
+            ROWS,
+            images.chain(others).collect(),
+            "registers-COUNT@BAUD: the image `registers` with COUNT items in each table at BAUD 8N1,\n\
+             the others are at 38400 8N1.\n\
+             ATmega328P at 16 MHz on the simulated bus; t3.5 is 1750 us.",
+        )
     }
-    lines
 }
 
-fn heading(images: &[String]) -> Vec<String> {
-    let mut heading = vec![String::new(), "unit".to_owned()];
-    heading.extend_from_slice(images);
-    heading.extend(["goal".to_owned(), "best peer".to_owned()]);
-    heading
+impl Table {
+    /// Without peers.
+    pub fn new(rows: &'static [Row], images: Vec<String>, head: &'static str) -> Self {
+        Table {
+            rows,
+            images,
+            head,
+            has_peers: false,
+        }
+    }
+
+    /// All of it.
+    pub fn of(&self, figures: &Figures) -> String {
+        let cells = self.lines(figures, |_| true);
+        let (head, compiler) = (self.head, &figures.compiler);
+        format!("{head}\nCompiler: {compiler}\n\n{}", aligned(&cells))
+    }
+
+    /// For the README: a part of the rows.
+    pub fn brief(&self, figures: &Figures) -> String {
+        let mut text = String::new();
+        for (index, line) in self.lines(figures, |row| row.brief).iter().enumerate() {
+            text.push_str(&format!("| {} |\n", line.join(" | ")));
+            if index == 0 {
+                text.push_str(&format!("|---|---|{}\n", "--:|".repeat(line.len() - 2)));
+            }
+        }
+        format!("{text}\nCompiler: {}\n", figures.compiler)
+    }
+
+    /// The cells, heading first: title, unit, images, goal, best peer.
+    fn lines(&self, figures: &Figures, wanted: fn(&Row) -> bool) -> Vec<Vec<String>> {
+        let peer = |peer: &str| self.has_peers.then(|| peer.to_owned());
+        let mut heading = vec![String::new(), "unit".to_owned()];
+        heading.extend_from_slice(&self.images);
+        heading.push("goal".to_owned());
+        heading.extend(peer("best peer"));
+        let mut lines = vec![heading];
+        for row in self.rows.iter().filter(|row| wanted(row)) {
+            let mut line = vec![row.title.to_owned(), row.unit.to_owned()];
+            let images = self.images.iter();
+            line.extend(images.map(|image| cell(figures, image, &row.shown)));
+            line.push(row.goal.to_owned());
+            line.extend(peer(row.peer));
+            lines.push(line);
+        }
+        lines
+    }
 }
 
 fn cell(figures: &Figures, image: &str, shown: &Shown) -> String {

@@ -1,6 +1,9 @@
 //! One node with its host, what is asked of it, and what an exchange looked like on the wire.
 
-use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Line, Nano, NodeId, Station, Time, Tx};
+use multidrop_bus::{
+    Bus, BusConfig, HostId, HostPort, Line, MachineId, Nano, NodeId, Parts, Station, Stm32, Time,
+    Tx, WireId, barrier,
+};
 
 use crate::Trouble;
 use crate::frames::{block, words};
@@ -112,18 +115,19 @@ pub struct Exchange {
     pub longest_gap: Time,
 }
 
-/// One node, one host, and a model of what the node must answer.
-pub struct Desk {
+/// One node, one host, and a model of what the node must answer. The node is a Nano or an STM32.
+pub struct Desk<N = NodeId> {
     /// The bus.
     pub bus: Bus,
     /// The node.
-    pub node: NodeId,
+    pub node: N,
     /// The host.
     pub host: HostId,
     /// Items in each table of the node.
     pub count: u8,
     /// Where all chance comes from.
     pub random: Random,
+    station: Station,
     name: String,
     line: Line,
     model: Model,
@@ -136,18 +140,43 @@ impl Desk {
         let mut nano = Nano::new(image.name(), &image.path);
         change(&mut nano);
         let node = bus.add_nano(nano)?;
+        Ok(Self::booted(bus, node, node.into(), image))
+    }
+}
+
+impl Desk<MachineId> {
+    /// Boots an STM32 in QEMU with RS4 on the wire, its instructions counted in parts.
+    pub fn stm32(image: &Image, parts: Parts) -> Result<Self, Trouble> {
+        let mut bus = Bus::new(BusConfig::default());
+        let stm32 = Stm32 {
+            name: image.name(),
+            image: image.path.clone(),
+            plugin: barrier()?,
+            wires: [None, None, None, Some(WireId::default())],
+        };
+        let machine = bus.add_stm32_in_parts(stm32, parts)?;
+        let rs4 = bus.machine(machine).station(3);
+        let rs4 = rs4.ok_or_else(|| Trouble::NoImage(image.name()))?;
+        Ok(Self::booted(bus, machine, rs4, image))
+    }
+}
+
+impl<N> Desk<N> {
+    /// With the host, after what the node needs to boot.
+    fn booted(mut bus: Bus, node: N, station: Station, image: &Image) -> Self {
         let host = bus.add_host(HostPort::new(image.line()));
         bus.run_for(Time::from_ms(20));
-        Ok(Desk {
+        Desk {
             bus,
             node,
             host,
             count: image.count,
             random: Random::new(u64::from(image.baud) << 8 | u64::from(image.count)),
+            station,
             name: image.name(),
             line: image.line(),
             model: Model::new(UNIT, usize::from(image.count)),
-        })
+        }
     }
 
     /// Its line.
@@ -191,7 +220,7 @@ impl Desk {
             return None;
         }
         let record = self.bus.record();
-        let sent: Vec<_> = record.sent_by(Station::Node(self.node)).collect();
+        let sent: Vec<_> = record.sent_by(self.station).collect();
         let gaps = sent
             .windows(2)
             .map(|pair| pair[1].start.saturating_sub(pair[0].end));

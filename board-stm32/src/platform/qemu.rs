@@ -154,14 +154,17 @@ impl Alarms {
         }
     }
 
-    /// Sets SysTick to the nearest alarm. It counts RVR + 1 cycles, from when CVR is written (ARMv7-M B3.3.1).
+    /// Sets SysTick to the nearest alarm.
     #[inline(never)]
     fn set_timer(&mut self) {
         let now = now();
-        let mut left = FARTHEST;
-        for alarm in self.pending() {
-            left = left.min(until(self.at[alarm], now));
-        }
+        let (_, left) = self.nearest(now);
+        self.start_timer(now, left);
+    }
+
+    /// Sets SysTick to `left` ticks from `now`. It counts RVR + 1 cycles, from when CVR is written (ARMv7-M B3.3.1).
+    #[inline(always)]
+    fn start_timer(&mut self, now: u32, left: u32) {
         self.next = now.wrapping_add(left);
         // SAFETY: SysTick is this module's.
         let systick = unsafe { &*SYST::PTR };
@@ -172,38 +175,40 @@ impl Alarms {
         }
     }
 
-    /// An alarm that is due, which it is no more after this.
+    /// Of the alarms that are on and have not gone off the one that does so first, with the ticks until then: 0 if it is
+    /// due, [`FARTHEST`] if there is none before.
     #[inline(always)]
-    fn take_due(&mut self) -> Option<usize> {
-        let now = now();
-        let alarm = self
-            .pending()
-            .find(|&alarm| until(self.at[alarm], now) == 0)?;
-        self.armed &= !(1 << alarm);
-        Some(alarm)
-    }
-
-    /// The alarms that are on and have not gone off.
-    #[inline(always)]
-    fn pending(&self) -> impl Iterator<Item = usize> + use<> {
+    fn nearest(&self, now: u32) -> (usize, u32) {
+        let mut nearest = (TIME, FARTHEST);
         let mut pending = self.on & self.armed;
-        core::iter::from_fn(move || {
+        while pending != 0 {
             let alarm = pending.trailing_zeros() as usize;
-            pending &= pending.wrapping_sub(1);
-            (alarm <= TIME).then_some(alarm)
-        })
+            pending &= pending - 1;
+            let left = until(self.at[alarm], now);
+            if left < nearest.1 {
+                nearest = (alarm, left);
+            }
+        }
+        nearest
     }
 }
 
 #[exception]
 fn SysTick() {
+    let now = now();
+    let (alarm, left) = alarms().nearest(now);
+    if left > 0 {
+        // It was put off meanwhile.
+        return alarms().start_timer(now, left);
+    }
+    alarms().armed &= !(1 << alarm);
     // Whatever is set meanwhile is seen below.
-    alarms().next = now();
+    alarms().next = now;
     // One at a time: characters come between. For the others it interrupts again.
-    match alarms().take_due() {
-        Some(TIME) => critical_section::with(|cs| CLOCK.borrow_ref_mut(cs).look()),
-        Some(port) => usart::on_alarm(port),
-        None => {}
+    if alarm == TIME {
+        critical_section::with(|cs| CLOCK.borrow_ref_mut(cs).look());
+    } else {
+        usart::on_alarm(alarm);
     }
     alarms().set_timer();
 }

@@ -26,29 +26,29 @@ pub(crate) const INTERRUPTS: [Interrupt; PORTS] = [
 
 #[interrupt]
 fn USART1() {
-    on_usart(0);
+    on_usart::<0>();
 }
 
 #[interrupt]
 fn USART2() {
-    on_usart(1);
+    on_usart::<1>();
 }
 
 #[interrupt]
 fn USART3() {
-    on_usart(2);
+    on_usart::<2>();
 }
 
 #[interrupt]
 fn UART4() {
-    on_usart(3);
+    on_usart::<3>();
 }
 
-// Not inlined: one copy for four ports.
-#[inline(never)]
-fn on_usart(port: usize) {
+/// In each port's interrupt with the addresses of what is the port's.
+#[inline(always)]
+fn on_usart<const PORT: usize>() {
     // SAFETY: in an interrupt of the line, see `Shared`.
-    unsafe { &mut *SHARED[port].get() }.on_usart();
+    unsafe { &mut *SHARED[PORT].get() }.on_usart();
 }
 
 /// The alarm of `port` went off. From an interrupt of the line only.

@@ -13,6 +13,8 @@ const PE: u32 = 1 << 0;
 const FE: u32 = 1 << 1;
 const NF: u32 = 1 << 2;
 pub(crate) const ORE: u32 = 1 << 3;
+/// What can be wrong with a character.
+pub(crate) const ERRORS: u32 = PE | FE | NF | ORE;
 pub(crate) const RXNE: u32 = 1 << 5;
 /// All has left, stop bits included.
 pub(crate) const TC: u32 = 1 << 6;

@@ -34,8 +34,7 @@ pub struct Settings {
     pub(crate) data: u8,
     /// What is added to a byte that is sent, and must be in one that is received.
     pub(crate) mark: u8,
-    pub(crate) is_ascii: bool,
-    pub(crate) is_text: bool,
+    pub(crate) framing: Framing,
     pub(crate) data_bits: u8,
     /// Ticks from the moment in which a character is taken from the USART to the end of the silence that
     /// completes a frame; in ASCII a fortieth of a second.
@@ -58,8 +57,7 @@ impl Settings {
         cr2: 0,
         data: 0,
         mark: 0,
-        is_ascii: false,
-        is_text: false,
+        framing: Framing::Rtu,
         data_bits: 8,
         to_complete: 0,
         to_stand: 0,
@@ -114,8 +112,7 @@ impl Settings {
             cr2: bits.cr2,
             data: bits.data,
             mark: bits.mark,
-            is_ascii,
-            is_text: matches!(config.framing, Framing::Text),
+            framing: config.framing,
             data_bits: format.data_bits(),
             to_complete: if is_ascii {
                 tick_hz.div_ceil(40)

@@ -7,10 +7,11 @@ use core::cell::UnsafeCell;
 
 use embassy_sync::waitqueue::WakerRegistration;
 use multidrop_firmware::line::Adu;
+use multidrop_firmware::protocol::format::Framing;
 use multidrop_firmware::protocol::line::{Ascii, Interval, LineMachine, Wire};
 use multidrop_firmware::protocol::rtu::{Flaws, Heard, Reception};
 
-use super::registers::{self, ORE, RXNE, Registers, TC, TXE};
+use super::registers::{self, ERRORS, ORE, RXNE, Registers, TC, TXE};
 use super::settings::Settings;
 use crate::platform;
 use crate::ports::PORTS;
@@ -72,6 +73,8 @@ enum Awaited {
 /// A port's USART, alarm and start-bit detector, as they are set up, and its tasks.
 pub(super) struct Chip {
     port: usize,
+    /// The port's of [`ADUS`].
+    adu: &'static AduCell,
     registers: Registers,
     settings: Settings,
     reception: Reception,
@@ -89,6 +92,7 @@ impl State {
             machine: LineMachine::new(),
             chip: Chip {
                 port,
+                adu: &ADUS[port],
                 registers: Registers::of(port),
                 settings: Settings::NONE,
                 reception: Reception::new(),
@@ -119,11 +123,33 @@ impl State {
         self.chip.ascii.set_delimiter(delimiter);
     }
 
-    /// The USART's interrupt.
+    /// The USART's interrupt. What nearly all of them are, one more good character of an RTU frame in or out, is dealt
+    /// with here.
     #[inline(always)]
     pub fn on_usart(&mut self) {
         let chip = &mut self.chip;
         let status = chip.registers.status();
+        if chip.settings.framing == Framing::Rtu {
+            match chip.awaited {
+                Awaited::Ready if status & TXE != 0 => return self.machine.on_ready(chip),
+                Awaited::Nothing
+                    if status & (RXNE | ERRORS) == RXNE && self.machine.is_collecting() =>
+                {
+                    let byte = chip.take();
+                    let adu = chip.adu.get();
+                    // SAFETY: the machine collects a frame only while the buffer is the line's.
+                    return chip.reception.push(unsafe { &mut *adu }, byte);
+                }
+                _ => {}
+            }
+        }
+        self.on_event(status);
+    }
+
+    /// Every other interrupt.
+    #[inline(never)]
+    fn on_event(&mut self, status: u32) {
+        let chip = &mut self.chip;
         match chip.awaited {
             Awaited::Nothing if status & (RXNE | ORE) != 0 => self.on_character(status),
             Awaited::Ready if status & TXE != 0 => self.machine.on_ready(chip),
@@ -135,23 +161,20 @@ impl State {
     #[inline(always)]
     fn on_character(&mut self, status: u32) {
         let chip = &mut self.chip;
-        chip.set_alarm(platform::now().wrapping_add(chip.settings.to_complete));
-        chip.registers.clear_start_bit();
-        let word = chip.registers.take();
+        let word = chip.take();
         let mut flaws = registers::flaws(status);
         if word & chip.settings.mark != chip.settings.mark {
             // The first of two stop bits was none.
             flaws |= Flaws::FRAMING;
         }
         let character = word & chip.settings.data;
-        if chip.settings.is_ascii {
+        if chip.settings.framing == Framing::Ascii {
             return self.machine.on_ascii_character(chip, character, flaws);
         }
-        let simply_next = self.machine.is_collecting() && flaws.is_empty();
         // A byte that no longer fits is the reception's to note.
-        if simply_next || self.machine.on_character(chip, flaws, false) {
+        if self.machine.on_character(chip, flaws, false) {
             // SAFETY: the machine has a character stored only while the buffer is the line's.
-            let adu = unsafe { &mut *ADUS[chip.port].get() };
+            let adu = unsafe { &mut *chip.adu.get() };
             chip.reception.push(adu, character);
         }
     }
@@ -164,6 +187,14 @@ impl State {
 }
 
 impl Chip {
+    /// The character that came. The silence behind it begins.
+    #[inline(always)]
+    fn take(&mut self) -> u8 {
+        self.set_alarm(platform::now().wrapping_add(self.settings.to_complete));
+        self.registers.clear_start_bit();
+        self.registers.take()
+    }
+
     #[inline(always)]
     fn set_alarm(&mut self, at: u32) {
         self.alarm_at = at;
@@ -185,18 +216,18 @@ impl Chip {
 impl Wire for Chip {
     #[inline(always)]
     fn ascii(&mut self) -> Option<&mut Ascii> {
-        self.settings.is_ascii.then_some(&mut self.ascii)
+        (self.settings.framing == Framing::Ascii).then_some(&mut self.ascii)
     }
 
     #[inline(always)]
     fn is_text(&self) -> bool {
-        self.settings.is_text
+        self.settings.framing == Framing::Text
     }
 
     #[inline(always)]
     fn store(&mut self, at: u8, byte: u8) {
         // SAFETY: the machine says that the buffer is not lent.
-        let adu = unsafe { &mut *ADUS[self.port].get() };
+        let adu = unsafe { &mut *self.adu.get() };
         adu[usize::from(at)] = byte;
     }
 
@@ -252,7 +283,7 @@ impl Wire for Chip {
     #[inline(always)]
     fn adu(&self) -> &Adu {
         // SAFETY: read while an answer is sent; those bytes are not changed then.
-        unsafe { &*ADUS[self.port].get() }
+        unsafe { &*self.adu.get() }
     }
 
     #[inline(always)]

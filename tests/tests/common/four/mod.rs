@@ -239,15 +239,18 @@ pub fn run(desk: &mut Desk, span: Time) -> Report {
         cells: [0; 16],
     };
     let end = desk.bus.now() + span;
-    let mut look = end;
-    while desk.bus.now() < end || !load.steps.is_empty() {
+    let mut look = desk.bus.now();
+    while desk.bus.now() < end || (!load.steps.is_empty() && desk.bus.now() < end + EVERY * 2) {
         desk.bus.run_for(STEP);
         let is_over = desk.bus.now() >= end;
         load.step(desk, is_over);
-        if desk.bus.now() >= look || look == end {
+        if desk.bus.now() >= look {
             load.look(desk);
             look = desk.bus.now() + Time::from_ms(100);
         }
+    }
+    if let Some(step) = load.steps.front() {
+        load.report.lost(format!("it never came to {step:?}"));
     }
     // What is under way ends.
     let end = desk.bus.now() + Time::from_ms(500);

@@ -2,10 +2,10 @@
 
 mod common;
 
-use common::four::{self, Desk, RS4, setting};
+use common::four::{self, Desk, RS2, RS4, TEXT, setting};
 use common::frames::{adu, be, block, data, exception, words};
 use common::{LINE, ports};
-use multidrop_bus::{HostPort, Time, Tx, WireId};
+use multidrop_bus::{HostPort, Line, Time, Tx, WireByte, WireId};
 
 /// The machine, and these units behind RS4.
 fn desk(units: &[u8]) -> Desk {
@@ -169,4 +169,54 @@ fn what_is_printed_is_what_was_on_the_wire_in_1000_exchanges_with_faults() {
     }
     assert_eq!(printed.len(), expected.len());
     assert!(damaged > 10, "{damaged}");
+}
+
+#[test]
+fn a_line_goes_on_where_it_was_when_the_printers_baud_is_changed_in_the_middle_of_it() {
+    let mut desk = desk(&[]);
+    let bus = desk.bus.add_host_on(WireId::default(), HostPort::new(LINE));
+    let (request, answer) = load(RS4, 0, 3);
+    expect(&mut desk, &request, &answer);
+    desk.bus.run_for(Time::from_ms(400));
+    printed(&mut desk);
+    desk.bus.clear_record();
+    let mut random = common::random::Random::new(6);
+    let mut expected = Vec::new();
+    let mut line = TEXT;
+    for round in 0..16 {
+        // Three pieces of 254 characters and some more.
+        let body = [&[round + 1, 0x41][..], &random.bytes(250)].concat();
+        let hex: String = body.iter().map(|byte| format!(" {byte:02X}")).collect();
+        expected.push(format!("req{hex}"));
+        let end = desk.bus.host(bus).send(&adu(&body));
+        // The change falls somewhere into the 35 ms in which it is printed, or 18 at the other rate.
+        desk.bus
+            .run_to(end - Time::from_ms(4) + Time::from_us(1_600) * u64::from(round));
+        let old = desk.line_of(RS2);
+        line = if line == TEXT {
+            Line::n81(460_800)
+        } else {
+            TEXT
+        };
+        let (request, answer) = load(RS2, 22, line.baud);
+        desk.bus.host(desk.pc).send(&request);
+        for _ in 0..320 {
+            desk.bus.run_for(Time::from_us(250));
+            if desk.line_of(RS2) != old {
+                desk.bus.host(desk.terminal).set_line(line);
+            }
+        }
+        let heard = desk.bus.host(desk.pc).take();
+        let heard: Vec<u8> = heard.iter().map(|byte| byte.value).collect();
+        assert_eq!(heard, answer);
+    }
+    assert_eq!(printed(&mut desk), expected);
+    // Lines that were printed in part at one rate, in part at the other.
+    let on_rs2 = desk.bus.record_of(desk.wires[RS2]).bytes();
+    let mixed = on_rs2.split(|byte| byte.value == 10).filter(|line| {
+        let fast = |byte: &&WireByte| byte.end.saturating_sub(byte.start) < Time::from_us(30);
+        let fast = line.iter().filter(fast).count();
+        fast > 0 && fast < line.len()
+    });
+    assert!(mixed.count() > 5);
 }

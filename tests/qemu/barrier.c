@@ -9,8 +9,8 @@
  * and stores there are told. stop=ADDRESS, any number of times: a store there stops the CPU as well, before the next block of
  * instructions: what the firmware sends is to be on the wire before anything else happens.
  * To tell what instructions are for: idle=FIRST-LAST in hex, where the firmware waits for work; marks=PATH, a file with
- * such a range in each line, of code to be counted apart; handler=ADDRESS, any number of times: how long interrupts
- * take that begin there.
+ * such a range in each line, of code to be counted apart; handler=ADDRESS for each of the firmware's handlers: how long
+ * interrupts take.
  *
  * From the bus: a count of 8 bytes, up to which the CPU may run. To the bus: messages of four words of 8 bytes, all in the
  * host's byte order: 1, count, address, value for a store; 3, count, address, 0 for a load; 2, count, idle, marked when the
@@ -116,7 +116,7 @@ static size_t stops_len;
 static struct range idle = {1, 0};
 static struct range marks[4096];
 static size_t marks_len;
-static uint64_t handlers[16];
+static uint64_t handlers[128];
 static size_t handlers_len;
 
 static bool is_in(struct range range, uint64_t address)
@@ -240,12 +240,25 @@ static void on_start(qemu_plugin_id_t id, unsigned int vcpu)
     qemu_plugin_u64_set(counter, vcpu, FULL);
 }
 
+/* An instruction of 16 bits; 0 for others. */
+static uint16_t code_of(const struct qemu_plugin_insn *insn)
+{
+    uint16_t code = 0;
+    bool is_short = qemu_plugin_insn_size(insn) == sizeof code && qemu_plugin_insn_data(insn, &code, sizeof code) == sizeof code;
+    return is_short ? code : 0;
+}
+
 /* NOP, encoding T1 (ARMv7-M A7.7.88): firmware that has nothing to do goes through many of them. */
 static bool is_nop(const struct qemu_plugin_insn *insn)
 {
-    uint16_t code = 0;
-    return qemu_plugin_insn_size(insn) == sizeof code &&
-           qemu_plugin_insn_data(insn, &code, sizeof code) == sizeof code && code == 0xBF00;
+    return code_of(insn) == 0xBF00;
+}
+
+/* POP with PC, encoding T1, or BX LR (ARMv7-M A7.7.99, A7.7.20): behind it the firmware waits no more. */
+static bool is_return(const struct qemu_plugin_insn *insn)
+{
+    uint16_t code = code_of(insn);
+    return code >> 8 == 0xBD || code == 0x4770;
 }
 
 /* What a block is for, by where it begins. */
@@ -261,7 +274,8 @@ static void look_at_block(struct qemu_plugin_tb *tb)
     }
     bool is_idle = is_in(idle, address);
     if (handlers_len > 0) {
-        qemu_plugin_register_vcpu_tb_exec_inline_per_vcpu(tb, INLINE_STORE_U64, was_idle, is_idle);
+        bool goes_on = is_idle && !is_return(qemu_plugin_tb_get_insn(tb, qemu_plugin_tb_n_insns(tb) - 1));
+        qemu_plugin_register_vcpu_tb_exec_inline_per_vcpu(tb, INLINE_STORE_U64, was_idle, goes_on);
     }
     if (handlers_len > 0 && is_idle) {
         qemu_plugin_register_vcpu_tb_exec_cond_cb(tb, on_idle, CB_NO_REGS, COND_NE, is_timed, 0, NULL);

@@ -20,14 +20,16 @@ pub struct Parts {
     pub(super) idle: Option<(u64, u64)>,
     /// What is counted apart.
     pub(super) marked: Vec<(u64, u64)>,
-    /// The handlers whose interrupts are timed.
-    pub(super) handlers: Vec<(String, u64)>,
+    /// All handlers: where one begins, another is over.
+    handlers: Vec<u64>,
+    /// Those that are asked for, by name.
+    pub(super) named: Vec<(String, u64)>,
 }
 
 impl Parts {
     /// The parts of `image`: where it waits, and all instructions that the compiler made of the source file whose path ends
     /// with `source`, wherever it put them; but those made of its functions `except` only where they were called from
-    /// within that file. Interrupts that begin with the functions `handlers` are timed.
+    /// within that file. `handlers` are those functions of the vector table whose interrupts are asked for.
     ///
     /// # Errors
     /// [`BusError`], where the image cannot be read, has no such function, or no debug information.
@@ -54,7 +56,7 @@ impl Parts {
             Ok((symbol.address() & !1, symbol.size()))
         };
         let (idle, idle_len) = function(IDLE)?;
-        let handlers = handlers
+        let named = handlers
             .iter()
             .map(|&name| Ok((name.to_owned(), function(name)?.0)))
             .collect::<Result<_, BusError>>()?;
@@ -91,7 +93,8 @@ impl Parts {
         Ok(Parts {
             idle: Some((idle, idle + idle_len - 1)),
             marked,
-            handlers,
+            handlers: handlers_of(&elf),
+            named,
         })
     }
 
@@ -101,7 +104,7 @@ impl Parts {
         if let Some((first, last)) = self.idle {
             arguments.push_str(&format!(",idle={first:x}-{last:x}"));
         }
-        for (_, address) in &self.handlers {
+        for address in &self.handlers {
             arguments.push_str(&format!(",handler={address:x}"));
         }
         if !self.marked.is_empty() {
@@ -113,6 +116,24 @@ impl Parts {
         }
         Ok(arguments)
     }
+}
+
+/// The handlers in the vector table, which is at the beginning of flash: a word for the stack, one for reset, then theirs
+/// (ARMv7-M B1.5.3).
+fn handlers_of(elf: &object::File<'_>) -> Vec<u64> {
+    const FLASH: u64 = 0x0800_0000;
+    let mut sections = elf.sections();
+    let table = sections.find(|section| section.address() == FLASH && section.size() > 0);
+    let table = table.and_then(|section| section.data().ok());
+    let (words, _) = table.unwrap_or_default().as_chunks();
+    let handlers = words.iter().skip(2).map(|word| u32::from_le_bytes(*word));
+    let mut handlers: Vec<_> = handlers
+        .filter(|address| *address != 0)
+        .map(|address| u64::from(address & !1))
+        .collect();
+    handlers.sort_unstable();
+    handlers.dedup();
+    handlers
 }
 
 type Slice<'a> = EndianSlice<'a, LittleEndian>;
@@ -179,7 +200,7 @@ impl Machine {
     /// How many instructions interrupts took that began with this handler, each by itself and in their order: those that came while it waited
     /// for work, or right behind another one that did.
     pub fn interrupts(&self, handler: &str) -> Vec<u64> {
-        let known = self.parts.handlers.iter().find(|(name, _)| name == handler);
+        let known = self.parts.named.iter().find(|(name, _)| name == handler);
         let ended = self.qemu.interrupts().iter();
         ended
             .filter(|(address, _)| known.is_some_and(|(_, begin)| begin == address))

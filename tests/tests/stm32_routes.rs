@@ -6,7 +6,7 @@ mod common;
 use std::cell::{Cell, RefCell};
 
 use common::four::units::{Played, Reply, Told, asked};
-use common::four::{AS1, AS2, ASCII, Asker, From, LINE, RS4, Report, setting};
+use common::four::{AS1, AS2, ASCII, Asker, LINE, RS4, Report, Source, setting};
 use common::plain::wire::Way;
 use common::ports;
 use multidrop_bus::{Frame, Framing, HostId, Line, Time, framed, frames};
@@ -222,7 +222,7 @@ fn two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two
                     answer[0] = unit + 10;
                 }
                 rounds[place] += 1;
-                asker.ask(&mut desk.bus, request, answer, From::Unit);
+                asker.ask(&mut desk.bus, request, answer, Source::Unit);
             }
         }
     });

@@ -10,7 +10,7 @@ const PATIENCE: Time = Time::from_ms(400);
 
 /// Who answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum From {
+pub enum Source {
     /// The port that is asked.
     Port,
     /// A unit on RS4.
@@ -22,7 +22,7 @@ pub enum From {
 struct Waiting {
     request: Vec<u8>,
     answer: Vec<u8>,
-    from: From,
+    from: Source,
     end: Time,
 }
 
@@ -62,7 +62,7 @@ impl Asker {
     /// Whether a unit's answer is waited for.
     pub fn awaits_unit(&self) -> bool {
         let waiting = self.waiting.as_ref();
-        waiting.is_some_and(|waiting| waiting.from == From::Unit)
+        waiting.is_some_and(|waiting| waiting.from == Source::Unit)
     }
 
     /// Judges what was heard; returns whether it may ask.
@@ -102,15 +102,15 @@ impl Asker {
             report.answers[self.port] += 1;
         }
         let longest = match waiting.from {
-            From::Port => &mut report.turnaround[self.port],
-            From::Unit => &mut report.routed[self.port],
+            Source::Port => &mut report.turnaround[self.port],
+            Source::Unit => &mut report.routed[self.port],
         };
         *longest = turnaround.max(*longest);
         now >= self.due
     }
 
     /// Asks; this is to be answered.
-    pub fn ask(&mut self, bus: &mut Bus, request: Vec<u8>, answer: Vec<u8>, from: From) {
+    pub fn ask(&mut self, bus: &mut Bus, request: Vec<u8>, answer: Vec<u8>, from: Source) {
         let end = bus.host(self.host).send(&self.framed(&request));
         self.waiting = Some(Waiting {
             request,

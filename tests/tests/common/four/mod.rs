@@ -16,7 +16,7 @@ mod changes;
 mod sniffed;
 pub mod units;
 
-pub use asker::{Asker, From};
+pub use asker::{Asker, Source};
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -331,12 +331,12 @@ impl Load {
                     let answer = request.clone();
                     request.push(4);
                     request.extend(value.to_be_bytes());
-                    return self.pc.ask(&mut desk.bus, request, answer, From::Port);
+                    return self.pc.ask(&mut desk.bus, request, answer, Source::Port);
                 }
                 Step::Refused(code) => {
                     let request = body(1, 3, 0, 1);
                     let answer = vec![1, 0x83, code];
-                    return self.pc.ask(&mut desk.bus, request, answer, From::Unit);
+                    return self.pc.ask(&mut desk.bus, request, answer, Source::Unit);
                 }
                 Step::Pc(unit, line) => {
                     if line != self.as1.1 {
@@ -366,7 +366,7 @@ impl Load {
         let request = body(self.as1.0, 3, setting(port, BAUD), 2);
         let mut answer = vec![self.as1.0, 3, 4];
         answer.extend(self.bauds[port].to_be_bytes());
-        self.pc.ask(bus, request, answer, From::Port);
+        self.pc.ask(bus, request, answer, Source::Port);
     }
 
     /// A unit's register is written, then read; then AS1's own.
@@ -380,7 +380,7 @@ impl Load {
         let value = (step == 0).then_some(round.wrapping_mul(26_541));
         let cell = &mut self.units[place];
         let (request, answer) = write_or_read(place as u8 + 1, 0, cell, value);
-        self.pc.ask(bus, request, answer, From::Unit);
+        self.pc.ask(bus, request, answer, Source::Unit);
     }
 
     /// A register of AS2 is written, then read; then the third unit's.
@@ -392,10 +392,10 @@ impl Load {
             let place = round % 16;
             let cell = &mut self.cells[usize::from(place)];
             let (request, answer) = write_or_read(self.as2, place, cell, value);
-            return self.ascii.ask(bus, request, answer, From::Port);
+            return self.ascii.ask(bus, request, answer, Source::Port);
         }
         let (request, answer) = write_or_read(13, 0, &mut self.units[2], value);
-        self.ascii.ask(bus, request, answer, From::Unit);
+        self.ascii.ask(bus, request, answer, Source::Unit);
     }
 
     /// Takes what was on the wires.

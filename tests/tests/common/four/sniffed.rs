@@ -111,7 +111,7 @@ impl Sniffed {
     /// What was printed since the last call.
     pub fn printed(&mut self, text: &str, report: &mut Report) {
         self.text.push_str(text);
-        // A request is printed while it is sent.
+        // A line may be there before its frame is known to be over.
         while let Some(len) = self.text.find("\r\n")
             && let Some((expected, _)) = self.expected.pop_front()
         {

@@ -38,7 +38,11 @@ use embassy_sync::signal::Signal;
 use multidrop_protocol::Adu;
 use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
 use multidrop_protocol::exception::Exception;
-use multidrop_protocol::function::{DIAGNOSTICS, EXCEPTION_BIT};
+use multidrop_protocol::function::{
+    DIAGNOSTICS, EXCEPTION_BIT, MASK_WRITE_REGISTER, READ_COILS, READ_DISCRETE_INPUTS,
+    READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS, READ_WRITE_REGISTERS, WRITE_MULTIPLE_COILS,
+    WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER,
+};
 
 use crate::client::{Client, ClientError};
 use crate::line::Line;
@@ -240,7 +244,45 @@ impl Request for Forwarded<'_> {
         Ok(())
     }
 
-    fn check(&self, _: &[u8]) -> Result<(), AnswerError> {
-        Ok(())
+    /// What comes late may answer another request with the same function: a read is told by its length, a write by what it
+    /// echoes. Of other functions nothing is known here.
+    fn check(&self, answer: &[u8]) -> Result<(), AnswerError> {
+        let frame = self.frame.borrow();
+        let asked = frame.get(1..usize::from(self.len)).unwrap_or(&[]);
+        let told = answer.get(1..).unwrap_or(&[]);
+        let word = |high, low| usize::from(u16::from_be_bytes([high, low]));
+        let (len, echoed) = match *asked {
+            [READ_COILS | READ_DISCRETE_INPUTS, _, _, high, low] => {
+                (2 + word(high, low).div_ceil(8), 1)
+            }
+            [
+                READ_HOLDING_REGISTERS | READ_INPUT_REGISTERS,
+                _,
+                _,
+                high,
+                low,
+            ]
+            | [READ_WRITE_REGISTERS, _, _, high, low, ..] => (2 + 2 * word(high, low), 1),
+            [
+                WRITE_SINGLE_COIL
+                | WRITE_SINGLE_REGISTER
+                | WRITE_MULTIPLE_COILS
+                | WRITE_MULTIPLE_REGISTERS,
+                _,
+                _,
+                _,
+                _,
+                ..,
+            ] => (5, 5),
+            [MASK_WRITE_REGISTER, _, _, _, _, _, _] => (7, 7),
+            _ => return Ok(()),
+        };
+        if told.len() != len {
+            Err(AnswerError::Length(answer.len() as u8))
+        } else if told.get(..echoed) != asked.get(..echoed) {
+            Err(AnswerError::Content)
+        } else {
+            Ok(())
+        }
     }
 }

@@ -34,8 +34,11 @@ fn read(unit: u8, first: u16, count: u16) -> Vec<u8> {
     body(unit, 3, first, count)
 }
 
-/// What a unit answers to a read: each byte is made of its id, the address and `mark`.
+/// What a unit answers: a write of a register as it came, a read with bytes made of its id, the address and `mark`.
 fn values(request: &[u8], mark: u8) -> Vec<u8> {
+    if request[1] == 6 {
+        return request.to_vec();
+    }
     let [unit, function, _, first, _, count] = *request else {
         panic!("{request:02x?} is no read");
     };
@@ -161,10 +164,13 @@ fn late(first_asked: &[u8], second_asked: &[u8]) -> [Vec<u8>; 2] {
 #[test]
 fn an_answer_that_comes_in_the_wait_for_another_is_dropped_if_it_can_be_told_from_it() {
     let first = read(1, ROUTED, 2);
-    for second in [
-        // Another unit, another function.
-        read(2, ROUTED, 2),
-        body(1, 4, ROUTED, 2),
+    let write = |value| body(1, 6, ROUTED, value);
+    for (first, second) in [
+        // Another unit, another function, another length, another value.
+        (first.clone(), read(2, ROUTED, 2)),
+        (first.clone(), body(1, 4, ROUTED, 2)),
+        (first.clone(), read(1, ROUTED, 3)),
+        (write(7), write(8)),
     ] {
         let told = late(&first, &second);
         assert_eq!(told[0], exception(&first, 0x0B));

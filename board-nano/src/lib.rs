@@ -14,7 +14,7 @@ use embassy_avr_hal::usart::{Framings, RtuAndAscii, Settings, Usart0};
 use multidrop_firmware::PortConfig;
 use multidrop_firmware::line::LineError;
 use multidrop_firmware::protocol::message::Message;
-use multidrop_firmware::protocol::port_registers::{Duplex, Flow};
+use multidrop_firmware::protocol::port_registers::Duplex;
 
 /// The CPU clock: the Nano's 16 MHz crystal if not built otherwise.
 pub const CLOCK_HZ: u32 = options::clock(16_000_000);
@@ -49,14 +49,6 @@ pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
     if matches!(line.duplex, Duplex::Full) {
         port.wrong("duplex", 1, "must be 0 (half): the line has a DE pin", None);
     }
-    if matches!(line.flow, Flow::RtsCts) {
-        port.wrong(
-            "flow",
-            1,
-            "must be 0 (none): the ATmega328P has no RTS and CTS",
-            None,
-        );
-    }
     match Settings::new(&port.line(), CLOCK_HZ) {
         Ok(settings) => settings,
         Err(LineError::Baud { nearest }) => port.wrong(
@@ -69,6 +61,12 @@ pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
             "format: data bits",
             format.data_bits() as u32,
             "must be 8 for RTU",
+            None,
+        ),
+        Err(LineError::Flow) => port.wrong(
+            "flow",
+            1,
+            "must be 0 (none): the ATmega328P has no RTS and CTS",
             None,
         ),
         Err(LineError::Framing(_)) => Message::new()

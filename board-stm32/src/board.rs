@@ -18,7 +18,7 @@ impl<P: Port> Closed<P> {
     /// Sets the port up: pins with DE low, then receiver and transmitter on. The bus is not driven. It
     /// listens once the bus was silent for t3.5.
     pub fn open(self, settings: PortSettings<P>) -> Usart {
-        Usart::open(P::INDEX, settings.line, settings.handshake)
+        Usart::open(P::INDEX, settings.line)
     }
 }
 

@@ -212,7 +212,6 @@ ports! {
 /// Settings of port `P`, made in a `const`: what the chip cannot do stops the build.
 pub struct PortSettings<P> {
     pub(crate) line: Settings,
-    pub(crate) handshake: bool,
     port: PhantomData<P>,
 }
 
@@ -224,11 +223,10 @@ impl<P: Port> PortSettings<P> {
     /// 2.5 %, for full duplex where there is a DE pin, and for flow control where there are no pins for it.
     pub const fn new(port: &PortConfig) -> Self {
         let wiring = &WIRING[P::INDEX];
-        let flow = port.settings().line.flow;
         if matches!(port.settings().line.duplex, Duplex::Full) && wiring.de.is_some() {
             port.wrong("duplex", 1, "must be 0 (half): the port has a DE pin", None);
         }
-        if matches!(flow, Flow::RtsCts) && wiring.handshake.is_none() {
+        if matches!(port.settings().line.flow, Flow::RtsCts) && wiring.handshake.is_none() {
             port.wrong(
                 "flow",
                 1,
@@ -240,7 +238,6 @@ impl<P: Port> PortSettings<P> {
         match Settings::new(&line, wiring.clock_hz, crate::TICK_HZ) {
             Ok(line) => Self {
                 line,
-                handshake: matches!(flow, Flow::RtsCts),
                 port: PhantomData,
             },
             Err(LineError::Baud { nearest }) => port.wrong(
@@ -249,8 +246,8 @@ impl<P: Port> PortSettings<P> {
                 "the clock does not make it within 2.5 %, or the CPU cannot follow",
                 Some(nearest),
             ),
-            // `PortConfig` has checked the first; the line has both framings.
-            Err(LineError::Format(_) | LineError::Framing(_)) => port.wrong(
+            // `PortConfig` has checked the first; the line has all framings, and the pins were looked at above.
+            Err(LineError::Format(_) | LineError::Framing(_) | LineError::Flow) => port.wrong(
                 "format: data bits",
                 line.format.data_bits() as u32,
                 "must be 8 for RTU",

@@ -289,6 +289,7 @@ pub(crate) const fn line_config(mode: Mode, line: &LineSettings) -> LineConfig {
         } else {
             InterCharacter::Off
         },
+        flow: line.flow,
         role: match mode {
             Mode::Master => Role::Client,
             Mode::Slave | Mode::Sniffer | Mode::Off => Role::Server,

@@ -16,7 +16,7 @@ use core::future::Future;
 
 pub use multidrop_protocol::Adu;
 use multidrop_protocol::format::{Framing, LineFormat};
-use multidrop_protocol::port_registers::Duplex;
+use multidrop_protocol::port_registers::{Duplex, Flow};
 use multidrop_protocol::rtu::Flaws;
 
 /// Whether a gap of more than 1.5 characters inside a frame makes it bad (SER 2.5.1.1).
@@ -52,6 +52,8 @@ pub struct LineConfig {
     pub format: LineFormat,
     /// The rule for gaps inside a frame. ASCII has one of its own: up to a second (SER 2.5.2).
     pub inter_character: InterCharacter,
+    /// Hardware flow control: with RTS/CTS nothing is sent as long as the peer does not let it.
+    pub flow: Flow,
     /// Who begins to talk.
     pub role: Role,
 }
@@ -68,6 +70,8 @@ pub enum LineError {
     Format(LineFormat),
     /// The line was built without this framing.
     Framing(Framing),
+    /// The port has no RTS and CTS, or was not set up with them.
+    Flow,
 }
 
 /// Bytes that [`Line::transmit`] cannot send. The caller's error; nothing was sent.
@@ -82,12 +86,6 @@ pub enum TransmitError {
 /// Methods below the heading of [`Frame`] are called through it only. Implementations are shared
 /// between two tasks of one executor: at most one future of each method exists at a time.
 pub trait Line: Sized {
-    /// How the port is wired: a line that enables a driver is for one pair of wires.
-    const DUPLEX: Duplex = Duplex::Half;
-
-    /// Whether it has RTS and CTS.
-    const RTS_CTS: bool = false;
-
     /// Whether the board has other lines beside it. If so a [managed port](crate::managed) on it may be a sniffer, and
     /// may have a [router](crate::route). What is for that costs nothing where not.
     const HAS_NEIGHBOURS: bool = false;
@@ -137,6 +135,12 @@ pub trait Line: Sized {
                 }
             }
         }
+    }
+
+    /// Whether the line may be wired so: one that enables a driver is for one pair of wires. Nothing else depends on
+    /// it; the receiver is off while the line sends.
+    fn may_be(&self, duplex: Duplex) -> bool {
+        duplex == Duplex::Half
     }
 
     /// Whether [`configure`](Line::configure) would do it.

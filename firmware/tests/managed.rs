@@ -609,7 +609,11 @@ fn what_the_line_cannot_do_changes_nothing() {
             1,
             "DUPLEX is 1, must be 0: the port is wired so",
         ),
-        (Register::Flow, 1, "FLOW is 1, the chip does not have it"),
+        (
+            Register::Flow,
+            1,
+            "FLOW is 1, must be 0: the port is wired so",
+        ),
         (
             Register::Format,
             5,

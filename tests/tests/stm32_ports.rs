@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::four::{self, Desk, RS2, RS4, TEXT, setting};
+use common::four::{self, AS1, Desk, RS2, RS4, TEXT, setting};
 use common::frames::{adu, be, block, data, exception, words};
 use common::{LINE, ports};
 use multidrop_bus::{HostPort, Line, Time, Tx, WireByte, WireId};
@@ -88,6 +88,15 @@ fn units_that_are_missing_and_ports_that_refuse() {
     expect(&mut desk, &request, &exception(10, 16, 2));
     expect(&mut desk, &words(10, 6, 4044, 1), &exception(10, 6, 2));
     expect(&mut desk, &words(10, 3, 2006, 2), &exception(10, 3, 2));
+    // A pair of wires for each direction is for a port without DE; RTS and CTS are nobody's here.
+    const DUPLEX: u16 = 24;
+    const FLOW: u16 = 25;
+    let (request, answer) = load(AS1, DUPLEX, 1);
+    expect(&mut desk, &request, &answer);
+    for (port, register) in [(RS4, DUPLEX), (AS1, FLOW), (RS4, FLOW)] {
+        let (request, _) = load(port, register, 1);
+        expect(&mut desk, &request, &exception(10, 16, 3));
+    }
     // The Nano is asleep, then off the bus: an asker that has given up finds the port as ever.
     let node = desk.nodes[0];
     desk.bus.unplug(node);

@@ -15,6 +15,7 @@ use embassy_avr_hal::usart::{RtuAndAscii, Settings, Usart0};
 use embassy_avr_hal::{bind_usart0, executor, pac};
 use multidrop_firmware::line::{InterCharacter, Line, LineConfig, Role};
 use multidrop_firmware::protocol::format::{Framing, LineFormat};
+use multidrop_firmware::protocol::port_registers::Flow;
 use multidrop_firmware::protocol::rtu::Flaws;
 
 const CLOCK_HZ: u32 = 16_000_000;
@@ -28,6 +29,7 @@ const START: LineConfig = LineConfig {
     framing: Framing::Ascii,
     format: LineFormat::F7E1,
     inter_character: InterCharacter::Strict,
+    flow: Flow::None,
     role: Role::Server,
 };
 

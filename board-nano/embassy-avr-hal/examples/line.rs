@@ -10,6 +10,7 @@ use embassy_avr_hal::usart::{Settings, Usart0};
 use embassy_avr_hal::{bind_usart0, executor, pac};
 use multidrop_firmware::line::{InterCharacter, Line, LineConfig, Role};
 use multidrop_firmware::protocol::format::{Framing, LineFormat};
+use multidrop_firmware::protocol::port_registers::Flow;
 
 const CLOCK_HZ: u32 = 16_000_000;
 const SET_UP: u8 = 0x42;
@@ -20,6 +21,7 @@ const START: LineConfig = LineConfig {
     framing: Framing::Rtu,
     format: LineFormat::F8N1,
     inter_character: InterCharacter::Strict,
+    flow: Flow::None,
     role: Role::Server,
 };
 

@@ -5,7 +5,6 @@
 use core::convert::Infallible;
 
 use embedded_hal::digital::{ErrorType, InputPin, OutputPin, StatefulOutputPin};
-use multidrop_firmware::protocol::port_registers::Duplex;
 
 /// A pin of the chip. Sealed: the types in this module are all there are.
 pub trait Pin: sealed::Sealed {
@@ -148,8 +147,8 @@ impl<P: Pin> InputPin for Input<P> {
 
 /// A data enable pin of an RS-485 transceiver, driven by the line's interrupts; or [`NoDe`].
 pub trait DriverEnable {
-    /// What the wires are for: with a driver to enable for one pair.
-    const DUPLEX: Duplex = Duplex::Half;
+    /// Whether the wires are one pair for both directions, since there is a driver to enable.
+    const IS_ONE_PAIR: bool = true;
     /// Makes the pin an output, low.
     fn init();
     /// Lets the transceiver drive the bus.
@@ -179,7 +178,7 @@ impl<P: Pin> DriverEnable for P {
 pub struct NoDe;
 
 impl DriverEnable for NoDe {
-    const DUPLEX: Duplex = Duplex::Full;
+    const IS_ONE_PAIR: bool = false;
 
     fn init() {}
     #[inline(always)]

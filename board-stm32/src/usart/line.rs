@@ -8,6 +8,7 @@ use core::task::{Context, Poll};
 use embassy_stm32::interrupt;
 use embassy_stm32::pac::Interrupt;
 use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
+use multidrop_firmware::protocol::port_registers::{Duplex, Flow};
 use multidrop_firmware::protocol::rtu::Flaws;
 use multidrop_firmware::sniff::Ear;
 
@@ -61,6 +62,8 @@ pub(crate) fn on_alarm(port: usize) {
 /// The line of one port.
 pub struct Usart {
     port: u8,
+    /// RTS and CTS are the port's.
+    has_handshake: bool,
     ear: Cell<Option<&'static dyn Ear>>,
     /// Not to be used from an interrupt.
     _tasks: PhantomData<*const ()>,
@@ -69,18 +72,23 @@ pub struct Usart {
 impl Usart {
     /// Sets port `port` up: pins with DE low, then receiver and transmitter on. The bus is not driven. It
     /// listens once the bus was silent for t3.5. To be called once for each port.
-    pub(crate) fn open(port: usize, settings: Settings, handshake: bool) -> Self {
+    pub(crate) fn open(port: usize, settings: Settings) -> Self {
         let line = Self {
             port: port as u8,
+            has_handshake: settings.rts_cts,
             ear: Cell::new(None),
             _tasks: PhantomData,
         };
-        line.with(|state| {
-            registers::connect(&WIRING[port], handshake);
-            state.set_handshake(handshake);
-            state.apply(settings);
-        });
+        registers::connect(&WIRING[port]);
+        line.with(|state| line.apply(state, settings));
         line
+    }
+
+    fn apply(&self, state: &mut State, settings: Settings) {
+        state.apply(settings);
+        if self.has_handshake {
+            registers::connect_handshake(&WIRING[usize::from(self.port)], settings.rts_cts);
+        }
     }
 
     /// The same, and `ear` is [shown](Line::show) the traffic.
@@ -120,6 +128,9 @@ impl Usart {
     }
 
     fn settings(&self, config: &LineConfig) -> Result<Settings, LineError> {
+        if config.flow == Flow::RtsCts && !self.has_handshake {
+            return Err(LineError::Flow);
+        }
         let clock_hz = WIRING[usize::from(self.port)].clock_hz;
         Settings::new(config, clock_hz, crate::TICK_HZ)
     }
@@ -148,6 +159,10 @@ impl Line for Usart {
         })
     }
 
+    fn may_be(&self, duplex: Duplex) -> bool {
+        duplex == Duplex::Half || WIRING[usize::from(self.port)].de.is_none()
+    }
+
     fn check(&self, config: &LineConfig) -> Result<(), LineError> {
         self.settings(config).map(drop)
     }
@@ -156,7 +171,7 @@ impl Line for Usart {
         let settings = self.settings(&config)?;
         poll_fn(|context| {
             self.poll_user(context, |state| {
-                (!state.machine.is_sending()).then(|| state.apply(settings))
+                (!state.machine.is_sending()).then(|| self.apply(state, settings))
             })
         })
         .await;

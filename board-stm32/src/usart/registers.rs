@@ -83,44 +83,43 @@ impl Registers {
         self.usart.dr().read().0 as u8
     }
 
-    /// Hands a character to the transmitter. SR read before the write clears TC (RM0090 30.6.1).
+    /// Hands a character to the transmitter. TC is cleared by a 0 (RM0090 30.6.1), behind the write: a character that ended
+    /// just before it, since this is late, must not be taken for this one.
     #[inline(always)]
     pub fn put(&self, character: u8) {
-        self.usart.sr().read();
         self.usart
             .dr()
             .write_value(pac::usart::regs::Dr(character.into()));
+        self.usart.sr().write_value(pac::usart::regs::Sr(!TC));
     }
 
     /// Baud rate and format. The transmitter stays on from here: with TE it sends an idle character first
     /// (RM0090 30.3.2), which would delay each frame. It is not on the bus while DE is down.
     pub fn set_up(&self, settings: &Settings) {
         let usart = self.usart;
-        // UE off: the format must not change under way (RM0090 30.3.2, 30.3.3).
+        // UE off: rate and format must not change under way (RM0090 30.3.4, 30.6.4).
         usart.cr1().write_value(pac::usart::regs::Cr1(0));
         usart
             .brr()
             .write_value(pac::usart::regs::Brr(settings.brr.into()));
         usart
             .cr2()
-            .write_value(pac::usart::regs::Cr2Usart(settings.cr2));
-        self.listen(settings);
-    }
-
-    /// RTS/CTS flow control.
-    pub fn set_handshake(&self, on: bool) {
-        let bits = if on { RTSE | CTSE } else { 0 };
-        self.usart
+            .write_value(pac::usart::regs::Cr2Usart(settings.cr2.into()));
+        let handshake = if settings.rts_cts { RTSE | CTSE } else { 0 };
+        usart
             .cr3()
-            .write_value(pac::usart::regs::Cr3Usart(bits));
+            .write_value(pac::usart::regs::Cr3Usart(handshake));
+        self.listen(settings);
     }
 
     /// Receiver on, with its interrupt.
     #[inline(always)]
     pub fn listen(&self, settings: &Settings) {
-        // What was received up to now is of no interest: reading SR and DR clears it.
+        // What was received up to now is of no interest: reading SR and DR clears it. Nor what RXD did: a transceiver may
+        // have heard itself.
         self.status();
         self.take();
+        self.clear_start_bit();
         self.control(settings, RE | RXNEIE);
     }
 
@@ -133,9 +132,9 @@ impl Registers {
 
     #[inline(always)]
     fn control(&self, settings: &Settings, bits: u32) {
-        self.usart
-            .cr1()
-            .write_value(pac::usart::regs::Cr1(settings.cr1 | ALWAYS | bits));
+        self.usart.cr1().write_value(pac::usart::regs::Cr1(
+            u32::from(settings.cr1) | ALWAYS | bits,
+        ));
     }
 
     /// Whether RXD has fallen since [`clear_start_bit`](Self::clear_start_bit): once a character is complete
@@ -206,29 +205,42 @@ pub(crate) fn enable_clocks() {
         w.set_usart1en(true);
         w.set_syscfgen(true);
     });
-    // A clock runs two cycles after it is enabled (ES0182, delay after an RCC peripheral clock
+    // A clock runs some cycles after it is enabled (ES0182, delay after an RCC peripheral clock
     // enabling): reading back waits for it.
     pac::RCC.apb2enr().read();
 }
 
-/// Connects the pins of a port, its RXD to EXTI too. DE is low before it is an output.
-pub(crate) fn connect(wiring: &Wiring, handshake: bool) {
+/// Connects the pins of a port but those of the handshake, its RXD to EXTI too. DE is low before it is an output.
+pub(crate) fn connect(wiring: &Wiring) {
     let line = usize::from(wiring.rx.number);
     // Falling edges only: a start bit is one (RM0090 9.2.3 to 9.2.6, 12.3.4).
     SYSCFG
         .exticr(line / 4)
         .modify(|w| w.set_exti(line % 4, wiring.rx.gpio as u8 - b'A'));
     EXTI.ftsr(0).modify(|w| w.set_line(line, true));
-    // Without this the pending bit is not set; the interrupt stays off in the NVIC (RM0090 12.2.4, 12.3.1).
+    // The manual promises the pending bit only with this; the interrupt stays off in the NVIC (RM0090 12.2.4, 12.3.1).
     EXTI.imr(0).modify(|w| w.set_line(line, true));
     if let Some(de) = wiring.de {
         output(de);
     }
     connect_pin(wiring.tx, wiring.function);
     connect_pin(wiring.rx, wiring.function);
-    if let (Some(pins), true) = (wiring.handshake, handshake) {
-        connect_pin(pins.cts, wiring.function);
-        connect_pin(pins.rts, wiring.function);
+}
+
+/// Connects RTS and CTS of a port, or makes them inputs again. When the USART is on: RTS would say before that there is
+/// somebody who listens (ES0182, RTS is active while RE or UE is 0).
+pub(crate) fn connect_handshake(wiring: &Wiring, on: bool) {
+    for pin in wiring
+        .handshake
+        .iter()
+        .flat_map(|pins| [pins.cts, pins.rts])
+    {
+        if on {
+            connect_pin(pin, wiring.function);
+        } else {
+            let mode = gpio(pin).moder();
+            mode.modify(|w| w.set_moder(pin.number.into(), Moder::INPUT));
+        }
     }
 }
 
@@ -240,8 +252,8 @@ fn output(pin: Pin) {
 }
 
 /// A pin of the USART (RM0090 8.3.2): function first, then mode, so that it is never something else. Pulled
-/// up: an open line is idle, and so is TX while the USART is off to be set up. Fast enough for 2 Mbaud, which the
-/// slowest edges are not (DS, I/O AC characteristics).
+/// up: an open line is idle, and so is TX while the USART is off to be set up. Edges one step faster than the slowest,
+/// so that they take little of a bit at 2 Mbaud (DS, I/O AC characteristics).
 fn connect_pin(pin: Pin, function: u8) {
     let (gpio, n) = (gpio(pin), usize::from(pin.number));
     gpio.afr(n / 8).modify(|w| w.set_afr(n % 8, function));

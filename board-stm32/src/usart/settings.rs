@@ -2,18 +2,19 @@
 
 use multidrop_firmware::line::{InterCharacter, LineConfig, LineError, Role};
 use multidrop_firmware::protocol::format::{Framing, LineFormat, Parity};
+use multidrop_firmware::protocol::port_registers::Flow;
 use multidrop_firmware::protocol::timing;
 
 use super::baud;
 
 /// Bits of CR1 (RM0090 30.6.4).
-pub(crate) const OVER8: u32 = 1 << 15;
-const M: u32 = 1 << 12;
-const PCE: u32 = 1 << 10;
-const PS: u32 = 1 << 9;
+pub(crate) const OVER8: u16 = 1 << 15;
+const M: u16 = 1 << 12;
+const PCE: u16 = 1 << 10;
+const PS: u16 = 1 << 9;
 
 /// STOP of CR2 (RM0090 30.6.5): two stop bits.
-const STOP_2: u32 = 0b10 << 12;
+const STOP_2: u16 = 0b10 << 12;
 
 /// A frame is judged this part of t3.5 before t3.5: 0.8 %, more than two crystals differ.
 const JUDGED_EARLY: u32 = 128;
@@ -27,15 +28,16 @@ const JUDGED_EARLY_CLIENT: u32 = 4;
 pub struct Settings {
     pub(crate) brr: u16,
     /// Format and oversampling.
-    pub(crate) cr1: u32,
+    pub(crate) cr1: u16,
     /// Stop bits.
-    pub(crate) cr2: u32,
+    pub(crate) cr2: u16,
     /// What of a received word is data.
     pub(crate) data: u8,
     /// What is added to a byte that is sent, and must be in one that is received.
     pub(crate) mark: u8,
     pub(crate) framing: Framing,
     pub(crate) data_bits: u8,
+    pub(crate) rts_cts: bool,
     /// Ticks from the moment in which a character is taken from the USART to the end of the silence that
     /// completes a frame; in ASCII a fortieth of a second.
     pub(crate) to_complete: u32,
@@ -59,6 +61,7 @@ impl Settings {
         mark: 0,
         framing: Framing::Rtu,
         data_bits: 8,
+        rts_cts: false,
         to_complete: 0,
         to_stand: 0,
         to_start: 0,
@@ -114,6 +117,7 @@ impl Settings {
             mark: bits.mark,
             framing: config.framing,
             data_bits: format.data_bits(),
+            rts_cts: matches!(config.flow, Flow::RtsCts),
             to_complete: if is_ascii {
                 tick_hz.div_ceil(40)
             } else {
@@ -131,8 +135,8 @@ impl Settings {
 /// (RM0090 30.6.4, M), so that seven bits and parity are a word of 8, and seven bits without parity and two
 /// stop bits are eight of which the last is always one.
 struct Bits {
-    cr1: u32,
-    cr2: u32,
+    cr1: u16,
+    cr2: u16,
     data: u8,
     mark: u8,
 }
@@ -169,6 +173,7 @@ mod tests {
         framing: Framing::Ascii,
         format: LineFormat::F8N1,
         inter_character: InterCharacter::Strict,
+        flow: Flow::None,
         role: Role::Server,
     };
     const CLOCK_HZ: u32 = 42_000_000;

@@ -105,11 +105,6 @@ impl State {
         }
     }
 
-    /// Flow control on or off. Before [`apply`](State::apply).
-    pub fn set_handshake(&mut self, on: bool) {
-        self.chip.registers.set_handshake(on);
-    }
-
     /// Puts settings into the USART and starts the machine anew.
     pub fn apply(&mut self, settings: Settings) {
         self.chip.settings = settings;

@@ -41,7 +41,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use multidrop_protocol::port_registers::{
-    Change, Flow, LineSettings, Mode, PortRegisters, Reason, Refused, Register, Status, Transaction,
+    Change, LineSettings, Mode, PortRegisters, Reason, Refused, Register, Status, Transaction,
 };
 use multidrop_protocol::registers::{Items, Rules};
 use multidrop_protocol::server::{Counted, Server, Uncounted};
@@ -213,16 +213,14 @@ where
     }
 
     fn check(&self, mode: Mode, line: &LineSettings) -> Result<(), Reason> {
-        if line.duplex != L::DUPLEX {
+        if !self.line.may_be(line.duplex) {
             return Err(Reason::Wiring);
-        }
-        if line.flow == Flow::RtsCts && !L::RTS_CTS {
-            return Err(Reason::Chip);
         }
         let config = line_config(mode, line);
         self.line.check(&config).map_err(|error| match error {
             LineError::Baud { nearest } => Reason::Baud(nearest),
             LineError::Format(_) => Reason::Chip,
+            LineError::Flow => Reason::Wiring,
             LineError::Framing(framing) => Reason::Framing(framing),
         })
     }

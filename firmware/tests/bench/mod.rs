@@ -14,6 +14,7 @@ use std::task::{Context, Poll, Wake, Waker};
 use embassy_time::{Duration, MockDriver};
 use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::format::Framing;
+use multidrop_firmware::protocol::port_registers::Flow;
 use multidrop_firmware::protocol::rtu::Flaws;
 use multidrop_firmware::sniff::Ear;
 
@@ -187,6 +188,8 @@ impl Line for TestLine {
     fn check(&self, config: &LineConfig) -> Result<(), LineError> {
         if config.framing == Framing::Rtu && config.format.data_bits() == 7 {
             Err(LineError::Format(config.format))
+        } else if config.flow != Flow::None {
+            Err(LineError::Flow)
         } else if config.baud > 1_000_000 {
             Err(LineError::Baud { nearest: 1_000_000 })
         } else {

@@ -177,7 +177,9 @@ fn release<DE: DriverEnable, F: Framings>(len: u8) {
 }
 
 impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLOCK_HZ, F> {
-    const DUPLEX: Duplex = DE::DUPLEX;
+    fn may_be(&self, duplex: Duplex) -> bool {
+        !DE::IS_ONE_PAIR || duplex == Duplex::Half
+    }
 
     async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
         poll_fn(|context| poll_heard(context))

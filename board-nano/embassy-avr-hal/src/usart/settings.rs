@@ -4,6 +4,7 @@ use core::marker::PhantomData;
 
 use multidrop_firmware::line::{InterCharacter, LineConfig, LineError, Role};
 use multidrop_firmware::protocol::format::{Framing, LineFormat, Parity};
+use multidrop_firmware::protocol::port_registers::Flow;
 use multidrop_firmware::protocol::timing;
 
 use crate::baud::divisor;
@@ -87,8 +88,8 @@ impl<F: Framings> Settings<F> {
     ///
     /// # Errors
     /// [`LineError::Framing`] for ASCII on a line that has none, and for text; [`LineError::Format`] for RTU with seven
-    /// data bits; [`LineError::Baud`] for a rate that is off by
-    /// more than 2.5 % or so slow that t3.5 exceeds the 16 bits of the timer (below 1400 baud at 16 MHz).
+    /// data bits; [`LineError::Flow`] for RTS/CTS; [`LineError::Baud`] for a rate that is off by more than 2.5 % or so
+    /// slow that t3.5 exceeds the 16 bits of the timer (below 1400 baud at 16 MHz).
     pub const fn new(config: &LineConfig, clock_hz: u32) -> Result<Self, LineError> {
         let tick_hz = clock_hz / PRESCALER;
         let (baud, format) = (config.baud, config.format);
@@ -98,6 +99,9 @@ impl<F: Framings> Settings<F> {
         }
         if !is_ascii && format.data_bits() != 8 {
             return Err(LineError::Format(format));
+        }
+        if matches!(config.flow, Flow::RtsCts) {
+            return Err(LineError::Flow);
         }
         let divisor = match divisor(clock_hz, baud) {
             Ok(divisor) => divisor,

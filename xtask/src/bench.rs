@@ -33,7 +33,7 @@ const KEPT_HOST: &str = "figures/host.json";
 ///
 /// # Errors
 /// [`Error::usage`] before anything is built, when something is missing; else what failed.
-pub fn run(json: Option<&Path>, record: bool) -> Result<(), Error> {
+pub fn run(json: Option<&Path>, record: bool, short: bool) -> Result<(), Error> {
     if let Some(json) = json {
         check_json(json)?;
     }
@@ -58,6 +58,9 @@ pub fn run(json: Option<&Path>, record: bool) -> Result<(), Error> {
     speed.env("CRITERION_HOME", &criterion);
     let mut host = on_host();
     host.arg("--criterion").arg(criterion);
+    if short {
+        stm32.arg("--short");
+    }
     // The others add to the file of the first.
     for command in [&mut nano, &mut stm32, &mut host] {
         if let Some(json) = &json {

@@ -59,6 +59,10 @@ fn run(command: Command) -> Result<(), Error> {
         Command::Demo { hold } => demo::run(hold),
         Command::Test => check::run(),
         Command::Flash(request) => flash::run(&request),
-        Command::Bench { json, record } => bench::run(json.as_deref(), record),
+        Command::Bench {
+            json,
+            record,
+            short,
+        } => bench::run(json.as_deref(), record, short),
     }
 }

@@ -74,6 +74,9 @@ struct Arguments {
     /// Rewrite both
     #[arg(long)]
     record: bool,
+    /// Take what is kept of what takes longest, as --check does
+    #[arg(long)]
+    short: bool,
     /// Fail where a figure is not the kept one or a goal is missed, and count the checks
     #[arg(long, conflicts_with = "record")]
     check: bool,

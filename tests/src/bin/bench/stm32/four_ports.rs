@@ -17,6 +17,8 @@ pub fn of(images: &Images<'_>) -> Result<Set, Trouble> {
     for unit in units {
         paths.push(unit?.path.as_path());
     }
+    let minutes = SPAN.us() / 60e6;
+    eprintln!("four ports at once for {minutes} min of bus time: that takes ten to fifteen");
     let mut desk = Desk::new(&images.app("ports")?.path, &paths)?;
     let report = four::run(&mut desk, SPAN);
     for trouble in &report.troubles {

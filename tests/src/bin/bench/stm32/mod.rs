@@ -48,7 +48,7 @@ pub fn measure(arguments: &Arguments) -> Result<Figures, Trouble> {
     }
     let images = arguments.images();
     let images = &images;
-    let long = !arguments.check;
+    let long = !(arguments.check || arguments.short);
     let measured = thread::scope(|scope| -> Result<Vec<(String, Set)>, Trouble> {
         let four = scope.spawn(move || long.then(|| four_ports::of(images)).transpose());
         let mut threads = Vec::new();
@@ -75,7 +75,7 @@ pub fn measure(arguments: &Arguments) -> Result<Figures, Trouble> {
     for (name, set) in measured {
         figures.images.entry(name).or_default().extend(set);
     }
-    if arguments.check {
+    if !long {
         kept::take_over(&arguments.kept, FOUR, &mut figures)?;
     }
     Ok(figures)

@@ -4,7 +4,7 @@
 #![feature(abi_avr_interrupt)]
 
 use embassy_avr_hal::gpio::{Output, PB4, PB5, Pins};
-use embassy_avr_hal::{bind_time, executor, pac};
+use embassy_avr_hal::{bind_time, pac};
 use embassy_time::{Duration, Ticker, Timer};
 use embedded_hal::digital::StatefulOutputPin;
 
@@ -33,8 +33,7 @@ async fn wait(mut led: Output<PB4>) {
 fn main() -> ! {
     let chip = pac::Peripherals::take().unwrap();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    start_time();
-    executor::run(|spawner| {
+    run_with_time(|spawner| {
         spawner.spawn(beat(Output::new(pins.PB5, false)).unwrap());
         spawner.spawn(wait(Output::new(pins.PB4, false)).unwrap());
     })

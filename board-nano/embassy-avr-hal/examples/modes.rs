@@ -13,7 +13,7 @@
 
 use embassy_avr_hal::gpio::{Input, Output, PB0, PB1, PB2, PD2, PD3, PD4, PD5, Pins};
 use embassy_avr_hal::usart::{RtuAndAscii, Settings, Usart0};
-use embassy_avr_hal::{bind_time, bind_usart0, executor, pac};
+use embassy_avr_hal::{bind_time, bind_usart0, pac};
 use embassy_time::Timer;
 use embedded_hal::digital::{InputPin, OutputPin, StatefulOutputPin};
 use multidrop_firmware::protocol::format::LineFormat;
@@ -139,7 +139,6 @@ fn main() -> ! {
         pins.PD2,
         settings,
     );
-    start_time();
 
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line, &RS4, RS4.bank(), NoCoils));
@@ -157,7 +156,7 @@ fn main() -> ! {
     let well = Output::new(pins.PB1, false);
     let badly = Output::new(pins.PB2, false);
     let changing = Output::new(pins.PB0, false);
-    executor::run(|spawner| {
+    run_with_time(|spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(run(port).unwrap());
         spawner.spawn(ask(port, well, badly).unwrap());

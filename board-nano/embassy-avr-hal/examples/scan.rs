@@ -6,7 +6,7 @@
 
 use embassy_avr_hal::gpio::{Output, PB5, PD2, Pins};
 use embassy_avr_hal::usart::{Settings, Usart0};
-use embassy_avr_hal::{bind_time, bind_usart0, executor, pac};
+use embassy_avr_hal::{bind_time, bind_usart0, pac};
 use embassy_time::Timer;
 use embedded_hal::digital::OutputPin;
 use multidrop_firmware::protocol::format::LineFormat;
@@ -66,7 +66,6 @@ fn main() -> ! {
         pins.PD2,
         settings,
     );
-    start_time();
 
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line));
@@ -77,7 +76,7 @@ fn main() -> ! {
         Entry::holding_registers(1, 15, 1).period_ms(1),
     ]));
     let led = Output::new(pins.PB5, false);
-    executor::run(|spawner| {
+    run_with_time(|spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(read(port, list).unwrap());
         spawner.spawn(show(list, led).unwrap());

@@ -17,6 +17,15 @@ use embassy_sync::waitqueue::WakerRegistration;
 const FLAGS: *mut u8 = 0x3E as *mut u8;
 /// A task is in the queue.
 const WORK: u8 = 1 << 0;
+/// An alarm of `embassy-time` may be due; 1 and 2 are those of [`RECEIVER`] and [`USER`].
+pub(crate) const TIME: u8 = 1 << 3;
+
+/// Sets one flag.
+#[inline(always)]
+pub(crate) fn set(flag: u8) {
+    // SAFETY: GPIOR0 is a plain storage register; `sbi` is atomic.
+    unsafe { FLAGS.write_volatile(FLAGS.read_volatile() | flag) }
+}
 
 /// A waker whose waking an interrupt leaves to the executor. To wake a task takes some 200 cycles and
 /// all the registers that a function may change; to set a flag takes two cycles.
@@ -44,8 +53,7 @@ impl<const FLAG: u8> Deferred<FLAG> {
     /// Has the executor wake it.
     #[inline(always)]
     pub fn wake(&self) {
-        // SAFETY: GPIOR0 is a plain storage register; `sbi` is atomic.
-        unsafe { FLAGS.write_volatile(FLAGS.read_volatile() | FLAG) }
+        set(FLAG);
     }
 
     /// Wakes it if its flag is among these.
@@ -63,14 +71,19 @@ const IDLE_ENABLED: u8 = 0b0000_0001;
 
 #[unsafe(export_name = "__pender")]
 fn pender(_context: *mut ()) {
-    // SAFETY: GPIOR0 is a plain storage register; `sbi` is atomic.
-    unsafe { FLAGS.write_volatile(FLAGS.read_volatile() | WORK) }
+    set(WORK);
 }
 
 /// Runs tasks for ever. `init` spawns the first of them; interrupts are enabled after it.
 ///
 /// To be called once, from `main`.
 pub fn run(init: impl FnOnce(Spawner)) -> ! {
+    run_with(init, |_| ())
+}
+
+/// The same, and `see_to` is given the flags before tasks are run.
+#[inline(always)]
+pub(crate) fn run_with(init: impl FnOnce(Spawner), see_to: impl Fn(u8)) -> ! {
     let executor = raw::Executor::new(core::ptr::null_mut());
     // SAFETY: this function never returns, so what lives in its frame lives for ever.
     let executor: &'static raw::Executor = unsafe { core::mem::transmute(&executor) };
@@ -95,6 +108,7 @@ pub fn run(init: impl FnOnce(Spawner)) -> ! {
         }
         RECEIVER.wake_if(flags);
         USER.wake_if(flags);
+        see_to(flags);
         // SAFETY: called from this one place, never from within itself.
         unsafe { executor.poll() };
     }

@@ -4,13 +4,18 @@
 //! kept in a few slots; 64-bit arithmetic is left to the conversions that `embassy-time` itself makes.
 //! The tick of `embassy-time` (its `tick-hz-...` feature) is scaled from the timer's with a
 //! remainder, so no time is lost at clocks such as 11.0592 MHz.
+//!
+//! Looking through the alarms and waking tasks takes some 1000 cycles, at fast rates longer than a character. So the
+//! interrupt of the alarm only sets a flag, and the executor's loop does that, with interrupts on.
 
-use core::cell::{Cell, RefCell};
+use core::cell::{Cell, UnsafeCell};
 use core::task::Waker;
 
+use avr_device::interrupt;
 use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::{Driver, TICK_HZ};
 
+use crate::executor::{self, TIME};
 use crate::timer1::{self, OCF1A, PRESCALER, TOV1};
 
 /// Alarms at a time. A task that finds no free slot is woken at once and tries again: it costs time
@@ -21,12 +26,24 @@ const SLOTS: usize = 4;
 /// and the task asks again.
 const HORIZON: u32 = 1 << 30;
 
-/// A compare value this near might be passed before it is written.
-const NEAR: u16 = 16;
-
 struct Alarm {
     at: u32,
     waker: Waker,
+}
+
+/// The alarms. Tasks and the executor's loop use them, one after the other.
+struct Alarms(UnsafeCell<[Option<Alarm>; SLOTS]>);
+
+// SAFETY: see above; interrupts stay away.
+unsafe impl Sync for Alarms {}
+
+/// A moment, as it is read with interrupts off.
+struct Moment {
+    /// Time at the last overflow of Timer1, in ticks of `embassy-time`, and what was not a whole one.
+    base: u64,
+    remainder: u32,
+    /// The timer's own count.
+    count: u16,
 }
 
 /// The driver for a CPU clock of `CLOCK_HZ`.
@@ -35,7 +52,7 @@ pub struct TimeDriver<const CLOCK_HZ: u32> {
     base: Mutex<Cell<u64>>,
     /// What of it was not a whole tick, in parts of `DENOMINATOR`.
     remainder: Mutex<Cell<u32>>,
-    alarms: Mutex<RefCell<[Option<Alarm>; SLOTS]>>,
+    alarms: Alarms,
 }
 
 impl<const CLOCK_HZ: u32> TimeDriver<CLOCK_HZ> {
@@ -48,6 +65,10 @@ impl<const CLOCK_HZ: u32> TimeDriver<CLOCK_HZ> {
         "embassy-time's tick-hz must be at most an eighth of the clock, and a simple fraction of it"
     );
 
+    /// A turn of the timer in ticks of `embassy-time`, and what is left.
+    const TURN: u32 = 0x1_0000 * Self::NUMERATOR / Self::DENOMINATOR;
+    const TURN_REST: u32 = 0x1_0000 * Self::NUMERATOR % Self::DENOMINATOR;
+
     /// A driver for a `static`; see [`bind_time!`](crate::bind_time).
     #[doc(hidden)]
     pub const fn new() -> Self {
@@ -55,14 +76,20 @@ impl<const CLOCK_HZ: u32> TimeDriver<CLOCK_HZ> {
         Self {
             base: Mutex::new(Cell::new(0)),
             remainder: Mutex::new(Cell::new(0)),
-            alarms: Mutex::new(RefCell::new([const { None }; SLOTS])),
+            alarms: Alarms(UnsafeCell::new([const { None }; SLOTS])),
         }
     }
 
-    /// Starts the time. To be called once, before the first use of `embassy-time`.
-    pub fn start(&self) {
+    /// Starts the time and runs tasks for ever, as [`executor::run`].
+    #[doc(hidden)]
+    pub fn run(&self, init: impl FnOnce(Spawner)) -> ! {
         timer1::start();
         critical_section::with(|_| timer1::enable(TOV1));
+        executor::run_with(init, |flags| {
+            if flags & TIME != 0 {
+                self.serve_alarms();
+            }
+        })
     }
 
     /// One turn of the timer is over.
@@ -71,45 +98,62 @@ impl<const CLOCK_HZ: u32> TimeDriver<CLOCK_HZ> {
     /// From the TIMER1_OVF interrupt only.
     #[doc(hidden)]
     pub unsafe fn on_overflow(&self) {
-        critical_section::with(|cs| {
-            self.turn(cs);
-            self.serve_alarms(cs);
-        });
+        critical_section::with(|cs| self.turn(cs));
+        executor::set(TIME);
     }
 
     /// # Safety
     /// From the TIMER1_COMPA interrupt only.
     #[doc(hidden)]
+    #[inline(always)]
     pub unsafe fn on_alarm(&self) {
-        critical_section::with(|cs| self.serve_alarms(cs));
+        executor::set(TIME);
     }
 
     fn turn(&self, cs: CriticalSection) {
-        let parts = 0x1_0000 * Self::NUMERATOR + self.remainder.borrow(cs).get();
-        self.remainder.borrow(cs).set(parts % Self::DENOMINATOR);
-        let base = self.base.borrow(cs);
-        base.set(base.get() + u64::from(parts / Self::DENOMINATOR));
-    }
-
-    /// Ticks since the last turn, and the timer's own count.
-    fn since_turn(&self, cs: CriticalSection) -> (u32, u16) {
-        let mut count = timer1::now();
-        if timer1::registers().tifr1().read().bits() & TOV1 != 0 {
-            // The turn is over but its interrupt has not run; the count may be from before it.
-            timer1::clear(TOV1);
-            self.turn(cs);
-            count = timer1::now();
+        let mut ticks = Self::TURN;
+        let mut remainder = self.remainder.borrow(cs).get() + Self::TURN_REST;
+        if remainder >= Self::DENOMINATOR {
+            remainder -= Self::DENOMINATOR;
+            ticks += 1;
         }
-        let parts = u32::from(count) * Self::NUMERATOR + self.remainder.borrow(cs).get();
-        (parts / Self::DENOMINATOR, count)
+        self.remainder.borrow(cs).set(remainder);
+        let base = self.base.borrow(cs);
+        base.set(base.get() + u64::from(ticks));
     }
 
-    fn serve_alarms(&self, cs: CriticalSection) {
+    fn moment(&self) -> Moment {
+        critical_section::with(|cs| {
+            let mut count = timer1::now();
+            if timer1::registers().tifr1().read().bits() & TOV1 != 0 {
+                // The turn is over but its interrupt has not run; the count may be from before it.
+                timer1::clear(TOV1);
+                self.turn(cs);
+                count = timer1::now();
+            }
+            Moment {
+                base: self.base.borrow(cs).get(),
+                remainder: self.remainder.borrow(cs).get(),
+                count,
+            }
+        })
+    }
+
+    /// Ticks since the last turn.
+    fn since_turn(moment: &Moment) -> u32 {
+        let parts = u32::from(moment.count) * Self::NUMERATOR + moment.remainder;
+        parts / Self::DENOMINATOR
+    }
+
+    /// Wakes whoever is due, and sets the timer for the next one. From a task or the executor's loop.
+    #[inline(never)]
+    fn serve_alarms(&self) {
         loop {
-            let (since, count) = self.since_turn(cs);
-            let now = (self.base.borrow(cs).get() as u32).wrapping_add(since);
+            let moment = self.moment();
+            let now = (moment.base as u32).wrapping_add(Self::since_turn(&moment));
             let mut soonest = HORIZON;
-            for slot in self.alarms.borrow(cs).borrow_mut().iter_mut() {
+            // SAFETY: see `Alarms`; to wake a task puts it into a queue and runs nothing.
+            for slot in unsafe { &mut *self.alarms.0.get() } {
                 let Some(alarm) = slot else { continue };
                 let left = alarm.at.wrapping_sub(now);
                 if left == 0 || left > HORIZON {
@@ -120,22 +164,23 @@ impl<const CLOCK_HZ: u32> TimeDriver<CLOCK_HZ> {
                     soonest = soonest.min(left);
                 }
             }
-            timer1::disable(OCF1A);
-            let Some(turns) = soonest.checked_mul(Self::DENOMINATOR) else {
-                return;
-            };
             // Never early: rounded up, and the count is a little old already.
-            let Ok(ticks) = u16::try_from(turns.div_ceil(Self::NUMERATOR)) else {
-                return;
-            };
-            let ticks = ticks.max(NEAR);
-            // SAFETY: any value is a valid compare value.
-            timer1::registers()
-                .ocr1a()
-                .write(|w| unsafe { w.bits(count.wrapping_add(ticks)) });
-            timer1::clear(OCF1A);
-            timer1::enable(OCF1A);
-            if timer1::now().wrapping_sub(count) < ticks {
+            let turns = soonest.checked_mul(Self::DENOMINATOR);
+            let ticks = turns.and_then(|turns| u16::try_from(turns.div_ceil(Self::NUMERATOR)).ok());
+            let is_passed = critical_section::with(|_| {
+                let Some(ticks) = ticks else {
+                    // Not in this turn, whose end is a reason to look again.
+                    timer1::disable(OCF1A);
+                    return false;
+                };
+                let at = moment.count.wrapping_add(ticks);
+                // SAFETY: any value is a valid compare value.
+                timer1::registers().ocr1a().write(|w| unsafe { w.bits(at) });
+                timer1::clear(OCF1A);
+                timer1::enable(OCF1A);
+                timer1::now().wrapping_sub(moment.count) >= ticks
+            });
+            if !is_passed {
                 return;
             }
         }
@@ -150,46 +195,46 @@ impl<const CLOCK_HZ: u32> Default for TimeDriver<CLOCK_HZ> {
 
 impl<const CLOCK_HZ: u32> Driver for TimeDriver<CLOCK_HZ> {
     fn now(&self) -> u64 {
-        critical_section::with(|cs| {
-            let (since, _) = self.since_turn(cs);
-            self.base.borrow(cs).get() + u64::from(since)
-        })
+        let moment = self.moment();
+        moment.base + u64::from(Self::since_turn(&moment))
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
-        critical_section::with(|cs| {
-            let (since, _) = self.since_turn(cs);
-            let left = at.saturating_sub(self.base.borrow(cs).get() + u64::from(since));
-            let left = u32::try_from(left).unwrap_or(HORIZON).min(HORIZON);
-            let at = (self.base.borrow(cs).get() as u32)
-                .wrapping_add(since)
-                .wrapping_add(left);
-            {
-                let mut alarms = self.alarms.borrow(cs).borrow_mut();
-                let own = |slot: &&mut Option<Alarm>| matches!(slot, Some(alarm) if alarm.waker.will_wake(waker));
-                let slot = match alarms.iter_mut().find(own) {
-                    Some(slot) => {
-                        // A task may wait for several times at once: the soonest counts, at that one
-                        // it asks for the others again.
-                        if let Some(alarm) = slot
-                            && at.wrapping_sub(alarm.at) < HORIZON
-                        {
-                            return;
-                        }
-                        slot
+        if !interrupt::is_enabled() {
+            // Perhaps from an interrupt, which may have come while the alarms are in use.
+            return waker.wake_by_ref();
+        }
+        let moment = self.moment();
+        let since = Self::since_turn(&moment);
+        let left = at.saturating_sub(moment.base + u64::from(since));
+        let left = u32::try_from(left).unwrap_or(HORIZON).min(HORIZON);
+        let at = (moment.base as u32).wrapping_add(since).wrapping_add(left);
+        {
+            // SAFETY: see `Alarms`; nothing that is called here comes back here.
+            let alarms = unsafe { &mut *self.alarms.0.get() };
+            let own = |slot: &&mut Option<Alarm>| matches!(slot, Some(alarm) if alarm.waker.will_wake(waker));
+            let slot = match alarms.iter_mut().find(own) {
+                Some(slot) => {
+                    // A task may wait for several times at once: the soonest counts, at that one
+                    // it asks for the others again.
+                    if let Some(alarm) = slot
+                        && at.wrapping_sub(alarm.at) < HORIZON
+                    {
+                        return;
                     }
-                    None => match alarms.iter_mut().find(|slot| slot.is_none()) {
-                        Some(slot) => slot,
-                        None => return waker.wake_by_ref(),
-                    },
-                };
-                *slot = Some(Alarm {
-                    at,
-                    waker: waker.clone(),
-                });
-            }
-            self.serve_alarms(cs);
-        });
+                    slot
+                }
+                None => match alarms.iter_mut().find(|slot| slot.is_none()) {
+                    Some(slot) => slot,
+                    None => return waker.wake_by_ref(),
+                },
+            };
+            *slot = Some(Alarm {
+                at,
+                waker: waker.clone(),
+            });
+        }
+        self.serve_alarms();
     }
 }
 
@@ -202,12 +247,12 @@ const fn common(mut a: u32, mut b: u32) -> u32 {
 }
 
 /// Makes `embassy-time` work in this binary, at a CPU clock of the given Hz: defines the driver and binds its
-/// two interrupts (DS 12.4: vectors 11 and 13, counted from 0). Call `start_time()`, which it defines,
-/// before the first use.
+/// two interrupts (DS 12.4: vectors 11 and 13, counted from 0). It defines `run_with_time(init)`, which stands in for
+/// [`executor::run`](crate::executor::run()): the time begins with it.
 #[macro_export]
 macro_rules! bind_time {
     ($clock_hz:expr) => {
-        use time_interrupts::start_time;
+        use time_interrupts::run_with_time;
 
         #[doc(hidden)]
         mod time_interrupts {
@@ -217,8 +262,8 @@ macro_rules! bind_time {
                 static DRIVER: $crate::time::TimeDriver<{ $clock_hz }> = $crate::time::TimeDriver::new()
             );
 
-            pub fn start_time() {
-                DRIVER.start();
+            pub fn run_with_time(init: impl FnOnce($crate::time::Spawner)) -> ! {
+                DRIVER.run(init)
             }
 
             #[unsafe(no_mangle)]
@@ -236,4 +281,6 @@ macro_rules! bind_time {
     };
 }
 
+#[doc(hidden)]
+pub use embassy_executor::Spawner;
 pub use embassy_time_driver::time_driver_impl;

@@ -43,7 +43,7 @@
 
 use board_nano::{CLOCK_HZ, Rs485Option as Rs485, options, settings};
 use embassy_avr_hal::gpio::{Output, PB5, Pins};
-use embassy_avr_hal::{bind_time, bind_usart0, executor, pac};
+use embassy_avr_hal::{bind_time, bind_usart0, pac};
 use embassy_time::Timer;
 use multidrop_firmware::protocol::client::{
     Diagnostic, FileData, FileRange, GetEventCounter, GetEventLog, MaskWrite, Raw, ReadBits,
@@ -311,12 +311,11 @@ fn main() -> ! {
         pins.PD2,
         const { settings(&PORT) },
     );
-    start_time();
 
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line));
     let led = Output::new(pins.PB5, false);
-    executor::run(|spawner| {
+    run_with_time(|spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(ask(port, led).unwrap());
     })

@@ -19,7 +19,7 @@ use core::cell::{Cell, RefCell};
 
 use board_nano::{CLOCK_HZ, Rs485, options, settings};
 use embassy_avr_hal::gpio::{Input, Output, PB5, PD3, PD4, PD5, PD6, Pins};
-use embassy_avr_hal::{bind_time, bind_usart0, executor, pac};
+use embassy_avr_hal::{bind_time, bind_usart0, pac};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Ticker, with_timeout};
@@ -186,7 +186,6 @@ fn main() -> ! {
         pins.PD2,
         const { settings(&PORT) },
     );
-    start_time();
 
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line));
@@ -201,7 +200,7 @@ fn main() -> ! {
     let first = Input::new(pins.PD3, true);
     let second = Input::new(pins.PD4, true);
     let led = Output::new(pins.PB5, false);
-    executor::run(|spawner| {
+    run_with_time(|spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(press(panel).unwrap());
         spawner.spawn(poll(panel).unwrap());

@@ -22,7 +22,7 @@ use embassy_time::{Duration, Instant, Timer};
 use multidrop_protocol::client::{ReadBits, ReadRegisters, Request};
 use multidrop_protocol::function;
 
-use crate::client::{Client, ClientError, ticks};
+use crate::client::{Client, ClientError, duration, ticks};
 use crate::line::Line;
 
 /// One block that is read.
@@ -97,7 +97,7 @@ impl Entry {
     }
 
     const fn period(&self) -> Duration {
-        Duration::from_ticks(self.period as u64)
+        duration(self.period)
     }
 }
 

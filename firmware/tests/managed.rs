@@ -705,6 +705,30 @@ fn a_client_waits_while_the_line_of_a_master_is_changed() {
     assert!(matches!(log[0], Event::Configured(_)) && log.len() == 2);
 }
 
+#[test]
+fn a_client_may_have_the_times_that_the_registers_have_when_it_asks() {
+    let mut bench = Bench::new();
+    let (wire, rs4) = plain(&mut bench, RS4.client());
+    let as_set = rs4.client_as_set();
+    let own = rs4.client(ClientConfig::new().timeout_ms(80));
+    for (timeout, retries, client, ms) in [
+        (100, 0, as_set, 100),
+        (30, 0, as_set, 30),
+        (30, 2, as_set, 3 * 30 + 2 * SENDS),
+        (30, 2, own, 80),
+        (30, 2, own.with(ClientConfig::new().timeout_ms(20)), 20),
+    ] {
+        rs4.set("TIMEOUT", timeout);
+        rs4.set("RETRIES", retries);
+        let asked = bench.ask(async move { client.write_register(17, 3, 9).await });
+        bench.run(SENDS + ms - 1);
+        assert!(asked.borrow().is_none(), "{timeout} ms, {retries} retries");
+        bench.run(1);
+        assert_eq!(asked.take(), Some(Err(ClientError::Timeout)));
+    }
+    assert_eq!(wire.sent().len(), 1 + 1 + 3 + 1 + 1);
+}
+
 /// A register whose value is 7 times its address, with nothing behind it.
 struct Sevens;
 

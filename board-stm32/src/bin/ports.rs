@@ -173,12 +173,12 @@ async fn route(router: &'static To) -> ! {
 
 #[embassy_executor::task]
 async fn poll(port: &'static Rs4, polled: &'static Polled) -> ! {
-    polled.run(port.client(PORTS[3].times())).await
+    polled.run(port.client_as_set()).await
 }
 
 /// Leads from these units to 1, 2 and 3 on RS4.
 fn routes(rs4: &'static Rs4, units: [u8; 3]) -> [Route<Usart, ASKERS>; 3] {
-    let through = rs4.client(PORTS[3].times());
+    let through = rs4.client_as_set();
     core::array::from_fn(|place| Route {
         unit: units[place],
         target: place as u8 + 1,

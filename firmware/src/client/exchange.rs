@@ -6,10 +6,10 @@ use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant};
+use embassy_time::Instant;
 use multidrop_protocol::rtu::Flaws;
 
-use super::ClientError;
+use super::{ClientConfig, ClientError, duration};
 use crate::line::{Frame, Line};
 
 /// What was heard: a frame, lent and provisional, or what was wrong with one.
@@ -25,6 +25,8 @@ pub struct Exchange<L: Line + 'static, const N: usize> {
     turn: FairSemaphore<NoopRawMutex, N>,
     /// Nobody may ask.
     is_closed: Cell<bool>,
+    /// Of clients that have none of their own.
+    times: Cell<ClientConfig>,
     heard: Signal<NoopRawMutex, Heard<L>>,
     expecting: Cell<bool>,
     /// The answer to a request may come that nobody waits for any more, until then.
@@ -38,6 +40,7 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         Self {
             turn: FairSemaphore::new(1),
             is_closed: Cell::new(false),
+            times: Cell::new(ClientConfig::new()),
             heard: Signal::new(),
             expecting: Cell::new(false),
             is_owed: Cell::new(false),
@@ -79,6 +82,16 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
             true => Err(ClientError::NotMaster),
             false => Ok(turn),
         }
+    }
+
+    /// The times of clients that have none of their own.
+    pub(super) fn times(&self) -> ClientConfig {
+        self.times.get()
+    }
+
+    /// Other ones, from the next wait on.
+    pub(crate) fn set_times(&self, times: ClientConfig) {
+        self.times.set(times);
     }
 
     /// From now on nobody may ask; who waits is refused.
@@ -171,7 +184,7 @@ impl<L: Line + 'static, const N: usize> Debt<'_, L, N> {
 
 impl<L: Line + 'static, const N: usize> Drop for Debt<'_, L, N> {
     fn drop(&mut self) {
-        let until = Instant::now() + Duration::from_ticks(self.ticks.into());
+        let until = Instant::now() + duration(self.ticks);
         self.exchange.owed_until.set(until);
         self.exchange.is_owed.set(true);
     }

@@ -47,6 +47,8 @@ pub use exchange::Exchange;
 pub use port::{ClientPort, client_receive};
 pub use transaction::Reply;
 
+use core::num::NonZeroU16;
+
 use embassy_time::{Duration, TICK_HZ};
 
 use crate::line::Line;
@@ -54,9 +56,9 @@ use crate::line::Line;
 /// How long a client waits, and how often it tries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClientConfig {
-    /// In ticks of `embassy-time`, like the next.
-    timeout: u32,
-    turnaround: u32,
+    /// In ms, like the next. One is in RAM for each client.
+    timeout: NonZeroU16,
+    turnaround: u16,
     retries: u8,
 }
 
@@ -64,8 +66,8 @@ impl ClientConfig {
     /// One second, no retries, 100 ms after a broadcast (SER 2.4.1).
     pub const fn new() -> Self {
         Self {
-            timeout: ticks(1000),
-            turnaround: ticks(100),
+            timeout: NonZeroU16::new(1000).unwrap(),
+            turnaround: 100,
             retries: 0,
         }
     }
@@ -75,8 +77,7 @@ impl ClientConfig {
     /// # Panics
     /// If it is 0; in a `const` that is a build error.
     pub const fn timeout_ms(mut self, ms: u16) -> Self {
-        assert!(ms > 0, "timeout_ms is 0, must be 1..=65535");
-        self.timeout = ticks(ms);
+        self.timeout = NonZeroU16::new(ms).expect("timeout_ms is 0, must be 1..=65535");
         self
     }
 
@@ -91,16 +92,17 @@ impl ClientConfig {
 
     /// How long nothing is sent after a broadcast, in ms, so that all servers are done with it (SER 2.4.1).
     pub const fn turnaround_ms(mut self, ms: u16) -> Self {
-        self.turnaround = ticks(ms);
+        self.turnaround = ms;
         self
     }
 
-    pub(crate) const fn timeout(&self) -> Duration {
-        Duration::from_ticks(self.timeout as u64)
+    /// In ticks of `embassy-time`, like the next.
+    pub(crate) const fn timeout(&self) -> u32 {
+        ticks(self.timeout.get())
     }
 
-    pub(crate) const fn turnaround(&self) -> Duration {
-        Duration::from_ticks(self.turnaround as u64)
+    pub(crate) const fn turnaround(&self) -> u32 {
+        ticks(self.turnaround)
     }
 }
 
@@ -112,13 +114,19 @@ impl Default for ClientConfig {
 
 /// A time in ticks of `embassy-time`.
 pub(crate) const fn ticks(ms: u16) -> u32 {
-    const { assert!(TICK_HZ >= 1000, "embassy-time must tick every millisecond") };
-    let ticks = ms as u64 * (TICK_HZ / 1000);
-    if ticks > u32::MAX as u64 {
-        u32::MAX
-    } else {
-        ticks as u32
-    }
+    const PER_MS: u32 = {
+        assert!(
+            TICK_HZ >= 1000 && TICK_HZ / 1000 <= u32::MAX as u64,
+            "embassy-time must tick every millisecond"
+        );
+        (TICK_HZ / 1000) as u32
+    };
+    (ms as u32).saturating_mul(PER_MS)
+}
+
+/// So many ticks.
+pub(crate) const fn duration(ticks: u32) -> Duration {
+    Duration::from_ticks(ticks as u64)
 }
 
 /// The right to send requests on one port, for `N` tasks, at least 1: they take turns in the order in which
@@ -133,7 +141,8 @@ pub(crate) const fn ticks(ms: u16) -> u32 {
 pub struct Client<L: Line + 'static, const N: usize> {
     line: &'static L,
     exchange: &'static Exchange<L, N>,
-    config: ClientConfig,
+    /// `None` for those of the port.
+    config: Option<ClientConfig>,
 }
 
 impl<L: Line + 'static, const N: usize> Clone for Client<L, N> {
@@ -155,13 +164,33 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         Self {
             line,
             exchange,
-            config,
+            config: Some(config),
+        }
+    }
+
+    /// One with the times of the port, whatever they are when it asks.
+    pub(crate) const fn of_port(line: &'static L, exchange: &'static Exchange<L, N>) -> Self {
+        Self {
+            line,
+            exchange,
+            config: None,
         }
     }
 
     /// The same with other times.
     pub const fn with(self, config: ClientConfig) -> Self {
-        Self { config, ..self }
+        Self {
+            config: Some(config),
+            ..self
+        }
+    }
+
+    #[inline(never)]
+    fn config(&self) -> ClientConfig {
+        match self.config {
+            Some(config) => config,
+            None => self.exchange.times(),
+        }
     }
 
     /// Whether a request is under way or waits for its turn: another one would wait.

@@ -15,7 +15,7 @@ use multidrop_protocol::exception::Exception;
 use multidrop_protocol::rtu::Flaws;
 
 use super::exchange::Turn;
-use super::{Client, ClientError};
+use super::{Client, ClientError, duration};
 use crate::line::{Frame, Line};
 
 /// An answer that stands, in the buffer of the line. As long as it lives the line hears nothing and nobody
@@ -99,7 +99,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         mut into: Destination<'_>,
     ) -> impl Future<Output = Result<Option<Reply<L, N>>, ClientError>> {
         async move {
-            let mut retries = self.config.retries;
+            let mut retries = self.config().retries;
             loop {
                 let turn = self.exchange.turn().await?;
                 let error = 'tried: {
@@ -118,9 +118,9 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                         let function = frame.bytes()[1];
                         frame.release(encoded.len);
                         let debt = self.exchange.owe(if encoded.answered {
-                            self.config.timeout
+                            self.config().timeout()
                         } else {
-                            self.config.turnaround
+                            self.config().turnaround()
                         });
                         if frame.sent().await {
                             let sent = &frame.bytes()[..usize::from(encoded.len)];
@@ -131,13 +131,13 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                         debt.settle();
                     };
                     if !answered {
-                        Timer::after(self.config.turnaround()).await;
+                        Timer::after(duration(self.config().turnaround())).await;
                         debt.settle();
                         return Ok(None);
                     }
 
                     let expecting = self.exchange.expect();
-                    deadline = Instant::now() + self.config.timeout();
+                    deadline = self.timeout();
                     let mut end = ClientError::Timeout;
                     let mut acknowledged = false;
                     let error = loop {
@@ -165,7 +165,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                         match error {
                             ClientError::Exception(Exception::Acknowledge) if !acknowledged => {
                                 acknowledged = true;
-                                deadline = Instant::now() + self.config.timeout();
+                                deadline = self.timeout();
                                 end = error;
                             }
                             ClientError::Exception(_) | ClientError::UnknownException(_) => {
@@ -186,10 +186,16 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                 }
                 retries -= 1;
                 if matches!(error, ClientError::Exception(_)) {
-                    Timer::after(self.config.timeout()).await;
+                    Timer::after(duration(self.config().timeout())).await;
                 }
             }
         }
+    }
+
+    /// When a wait is over that begins now.
+    #[inline(never)]
+    fn timeout(&self) -> Instant {
+        Instant::now() + duration(self.config().timeout())
     }
 
     /// Waits for the answer to a request that was given up, and drops it; or until all are done with a broadcast.
@@ -216,7 +222,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                 return Ok(frame);
             }
             if *deadline == Instant::MIN {
-                *deadline = Instant::now() + self.config.timeout();
+                *deadline = self.timeout();
             }
             with_deadline(*deadline, self.line.lend())
                 .await

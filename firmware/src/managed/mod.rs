@@ -134,6 +134,7 @@ where
     pub fn with(line: L, config: &PortConfig, regs: R, coils: C, diagnostics: D) -> Self {
         let settings = *config.settings();
         let exchange = Exchange::new();
+        exchange.set_times(config.times());
         if settings.mode != Mode::Master {
             exchange.close();
         }
@@ -194,7 +195,9 @@ where
         }
         self.registers.with(|registers| {
             let mode = registers.settings().mode;
-            match registers.load_checked(register, value, &|line| self.check(mode, line))? {
+            let change = registers.load_checked(register, value, &|line| self.check(mode, line))?;
+            self.exchange.set_times(client_config(registers.settings()));
+            match change {
                 Change::Done => return Ok(()),
                 Change::Mode | Change::Line => {}
                 Change::Start => {
@@ -276,9 +279,14 @@ where
         &self.server
     }
 
-    /// A client for requests that the registers do not describe. As long as the port is not master they are
+    /// A client for requests that the registers do not describe, with times of its own. As long as the port is not master they are
     /// refused: [`ClientError::NotMaster`](crate::client::ClientError::NotMaster).
     pub const fn client(&'static self, times: ClientConfig) -> Client<L, N> {
         Client::new(&self.line, &self.exchange, times)
+    }
+
+    /// The same with the times of the registers TIMEOUT, RETRIES and TURNAROUND, as they are whenever it needs them.
+    pub const fn client_as_set(&'static self) -> Client<L, N> {
+        Client::of_port(&self.line, &self.exchange)
     }
 }

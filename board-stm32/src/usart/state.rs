@@ -72,7 +72,7 @@ enum Awaited {
 
 /// A port's USART, alarm and start-bit detector, as they are set up, and its tasks.
 pub(super) struct Chip {
-    port: usize,
+    port: u8,
     /// The port's of [`ADUS`].
     adu: &'static AduCell,
     registers: Registers,
@@ -91,7 +91,7 @@ impl State {
         Self {
             machine: LineMachine::new(),
             chip: Chip {
-                port,
+                port: port as u8,
                 adu: &ADUS[port],
                 registers: Registers::of(port),
                 settings: Settings::NONE,
@@ -193,7 +193,7 @@ impl Chip {
     #[inline(always)]
     fn set_alarm(&mut self, at: u32) {
         self.alarm_at = at;
-        platform::set_alarm(self.port, at);
+        platform::set_alarm(self.port.into(), at);
     }
 
     #[inline(always)]
@@ -257,12 +257,12 @@ impl Wire for Chip {
 
     #[inline(always)]
     fn alarm_on(&mut self) {
-        platform::alarm_on(self.port);
+        platform::alarm_on(self.port.into());
     }
 
     #[inline(always)]
     fn alarm_off(&mut self) {
-        platform::alarm_off(self.port);
+        platform::alarm_off(self.port.into());
     }
 
     #[inline(always)]

@@ -1,12 +1,15 @@
 //! What the tasks of a port share to ask and to be answered.
 
 use core::cell::Cell;
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+use core::task::{Context, Poll};
 
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
 use embassy_sync::signal::Signal;
-use embassy_time::Instant;
+use embassy_time::{Instant, Timer};
 use multidrop_protocol::rtu::Flaws;
 
 use super::{ClientConfig, ClientError, duration};
@@ -156,9 +159,28 @@ impl<L: Line + 'static, const N: usize> Default for Exchange<L, N> {
 pub(super) struct Expecting<'a, L: Line + 'static, const N: usize>(&'a Exchange<L, N>);
 
 impl<L: Line + 'static, const N: usize> Expecting<'_, L, N> {
-    pub fn heard(&self) -> impl Future<Output = Heard<L>> + '_ {
-        self.0.heard.wait()
+    /// Waits for something, and not longer than until `deadline`: `None`.
+    //
+    // As `with_deadline`, which keeps a timer beside what it waits for, in a future that is there once for each port.
+    pub fn heard_until(&self, deadline: Instant) -> impl Future<Output = Option<Heard<L>>> {
+        poll_fn(
+            move |context| match pin!(self.0.heard.wait()).poll(context) {
+                Poll::Ready(heard) => Poll::Ready(Some(heard)),
+                Poll::Pending => poll_over(deadline, context).map(|()| None),
+            },
+        )
     }
+}
+
+/// Whether it is `at` or later; if not, the task is woken then.
+#[inline(never)]
+pub(super) fn poll_over(at: Instant, context: &mut Context<'_>) -> Poll<()> {
+    if Instant::now() >= at {
+        return Poll::Ready(());
+    }
+    // A timer asks to be woken when it is polled, and is not waited for itself.
+    let _ = pin!(Timer::at(at)).poll(context);
+    Poll::Pending
 }
 
 impl<L: Line + 'static, const N: usize> Drop for Expecting<'_, L, N> {

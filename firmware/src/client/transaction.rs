@@ -8,13 +8,13 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
-use embassy_time::{Instant, Timer, with_deadline};
+use embassy_time::{Instant, Timer};
 use multidrop_protocol::client::{Request, encode, judge};
 use multidrop_protocol::data::Registers;
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::rtu::Flaws;
 
-use super::exchange::Turn;
+use super::exchange::{Turn, poll_over};
 use super::{Client, ClientError, duration};
 use crate::line::{Frame, Line};
 
@@ -104,15 +104,19 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                 let turn = self.exchange.turn().await?;
                 let error = 'tried: {
                     if self.exchange.is_owed() {
-                        self.collect().await;
+                        // The answer to a request that was given up is dropped; or all are done with a broadcast.
+                        let expecting = self.exchange.expect();
+                        let until = self.exchange.owed_until();
+                        while let Some(Err(_)) = expecting.heard_until(until).await {}
+                        drop(expecting);
+                        self.exchange.settle();
                     }
 
                     // Of the wait for silence first, then of that for the answer.
                     let mut deadline = Instant::MIN;
                     let (function, answered, debt) = loop {
-                        let mut frame = match self.lend(&mut deadline).await {
-                            Ok(frame) => frame,
-                            Err(error) => break 'tried error,
+                        let Some(mut frame) = self.lend(&mut deadline).await else {
+                            break 'tried ClientError::NoSilence;
                         };
                         let encoded = encode(request, unit, frame.adu())?;
                         let function = frame.bytes()[1];
@@ -141,7 +145,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                     let mut end = ClientError::Timeout;
                     let mut acknowledged = false;
                     let error = loop {
-                        let Ok(heard) = with_deadline(deadline, expecting.heard()).await else {
+                        let Some(heard) = expecting.heard_until(deadline).await else {
                             break end;
                         };
                         let error = match heard {
@@ -198,36 +202,19 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         Instant::now() + duration(self.config().timeout())
     }
 
-    /// Waits for the answer to a request that was given up, and drops it; or until all are done with a broadcast.
-    fn collect(&self) -> impl Future<Output = ()> {
-        let expecting = self.exchange.expect();
-        async move {
-            while let Ok(Err(_)) =
-                with_deadline(self.exchange.owed_until(), expecting.heard()).await
-            {}
-            self.exchange.settle();
-        }
-    }
-
-    /// The buffer to send from. The time is looked at only if there is anything to wait for: a request
-    /// right after an answer has none to lose. `deadline` is set then, if it is not yet.
-    fn lend(
-        &self,
-        deadline: &mut Instant,
-    ) -> impl Future<Output = Result<Frame<'static, L>, ClientError>> {
-        async move {
-            // What is asked once and dropped has lent nothing.
-            let now = poll_fn(|context| Poll::Ready(pin!(self.line.lend()).poll(context)));
-            if let Poll::Ready(frame) = now.await {
-                return Ok(frame);
+    /// The buffer to send from, or `None` if it is not to be had until a timeout is over. The time is looked at only if
+    /// there is anything to wait for: a request right after an answer has none to lose. `deadline` is set then, if it
+    /// is not yet.
+    fn lend(&self, deadline: &mut Instant) -> impl Future<Output = Option<Frame<'static, L>>> {
+        poll_fn(|context| {
+            if let Poll::Ready(frame) = pin!(self.line.lend()).poll(context) {
+                return Poll::Ready(Some(frame));
             }
             if *deadline == Instant::MIN {
                 *deadline = self.timeout();
             }
-            with_deadline(*deadline, self.line.lend())
-                .await
-                .map_err(|_| ClientError::NoSilence)
-        }
+            poll_over(*deadline, context).map(|()| None)
+        })
     }
 }
 

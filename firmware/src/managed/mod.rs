@@ -53,8 +53,9 @@ use crate::route::Gateway;
 use crate::shared::Shared;
 use crate::sniff::Voice;
 
-/// Events that are kept for [`ManagedPort::event`]; the oldest is dropped for one more.
-pub const EVENTS: usize = 4;
+/// Events that are kept for [`ManagedPort::event`]; the oldest is dropped for one more. A transaction takes some characters'
+/// time at least, and one task starts them.
+pub const EVENTS: usize = 2;
 
 /// What START has started, as everything was set then.
 #[derive(Clone, Copy)]

@@ -57,6 +57,24 @@ pub async fn managed_receive<L: Line, P, D: Diagnostics, const N: usize>(
     }
 }
 
+/// The body of a port's task. Not a future of its own, which would add to the task's.
+macro_rules! run {
+    ($port:expr, $model:expr) => {
+        loop {
+            $port.follow().await;
+            // Nothing can have been started since: what it needs is in effect.
+            if let Some(started) = $port.started.take() {
+                $port.transact(started).await;
+                continue;
+            }
+            let Some(frame) = $port.next().await else {
+                continue;
+            };
+            $port.attend($model, frame).await;
+        }
+    };
+}
+
 /// Runs for ever: answers with the port's arrays, asks, and follows what was loaded, one after the other.
 ///
 /// # Cancellation
@@ -72,9 +90,7 @@ where
     V: Rules + 'static,
     D: Diagnostics,
 {
-    loop {
-        port.step(&port.registers).await;
-    }
+    run!(port, &port.registers)
 }
 
 /// The same, but a slave answers with `model` in place of the port's arrays.
@@ -93,9 +109,7 @@ where
     D: Diagnostics,
     M: DataModel,
 {
-    loop {
-        port.step(model).await;
-    }
+    run!(port, model)
 }
 
 fn seen<'a, L: Line>(heard: &'a Result<Frame<'static, L>, Flaws>) -> Result<&'a [u8], Flaws> {
@@ -176,21 +190,6 @@ where
     V: Rules + 'static,
     D: Diagnostics,
 {
-    /// One thing: what was loaded, a transaction, or a frame.
-    fn step<M: DataModel>(&'static self, model: &Shared<M>) -> impl Future<Output = ()> {
-        async move {
-            self.follow().await;
-            // Nothing can have been started since: what it needs is in effect.
-            if let Some(started) = self.started.take() {
-                return self.transact(started).await;
-            }
-            let Some(frame) = self.next().await else {
-                return;
-            };
-            self.attend(model, frame).await;
-        }
-    }
-
     /// A frame to attend to, empty if it is to be filled, or `None` if something was loaded that is to be followed.
     fn next(&'static self) -> impl Future<Output = Option<Frame<'static, L>>> {
         poll_fn(|context| {

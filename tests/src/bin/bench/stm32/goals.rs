@@ -8,6 +8,14 @@ use crate::goals::Bound::{self, AtLeast, AtMost, Below};
 use crate::goals::{Goal, of_images};
 use crate::traffic::Shape;
 
+/// The RAM of each port of `ports`.
+const RAM: [&str; 4] = [
+    "ram_as1_bytes",
+    "ram_as2_bytes",
+    "ram_rs2_bytes",
+    "ram_rs4_bytes",
+];
+
 /// All goals.
 pub fn of(figures: &Figures) -> Vec<Goal> {
     let one = |what: &str, unit, image: &str, names: &[String], bound| {
@@ -29,10 +37,11 @@ pub fn of(figures: &Figures) -> Vec<Goal> {
             &names(&["ram_port_bytes"]),
             Below(1024.0),
         ),
-        ports(
-            "RAM of a managed port with one register",
+        one(
+            "RAM of each managed port with its arrays",
             "bytes",
-            "ram_rs2_bytes",
+            "ports",
+            &names(&RAM),
             Below(1024.0),
         ),
     ];
@@ -162,7 +171,10 @@ mod tests {
             "ports",
             set(&[
                 ("flash_bytes", 65_536.0),
+                ("ram_as1_bytes", 1023.0),
+                ("ram_as2_bytes", 1023.0),
                 ("ram_rs2_bytes", 1023.0),
+                ("ram_rs4_bytes", 1023.0),
                 ("rs2_interrupt_max_instructions", 120.0),
                 ("as1_delay_instructions", 120.0),
                 ("rs2_overruns", 0.0),
@@ -207,6 +219,7 @@ mod tests {
             ("demo-unit", "ram_port_bytes", 1024.0),
             ("ports", "flash_bytes", 65_537.0),
             ("ports", "ram_rs2_bytes", 1024.0),
+            ("ports", "ram_rs4_bytes", 1024.0),
             ("ports", "as1_delay_instructions", 121.0),
             ("ports", "rs2_overruns", 1.0),
             (FOUR, "span_s", 599.0),

@@ -18,7 +18,7 @@ pub fn of(images: &Images<'_>) -> Result<Set, Trouble> {
         paths.push(unit?.path.as_path());
     }
     let minutes = SPAN.us() / 60e6;
-    eprintln!("four ports at once for {minutes} min of bus time: that takes ten to fifteen");
+    eprintln!("four ports at once for {minutes} min of bus time: that takes some twenty");
     let mut desk = Desk::new(&images.app("ports")?.path, &paths)?;
     let report = four::run(&mut desk, SPAN);
     for trouble in &report.troubles {

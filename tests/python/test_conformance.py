@@ -31,7 +31,7 @@ class Functions:
         cls.addClassCleanup(cls.bus.stop)
 
     def setUp(self):
-        self.client = ModbusSerialClient(self.bus.port, timeout=2, retries=0, **self.settings)
+        self.client = ModbusSerialClient(self.bus.port, timeout=10, retries=0, **self.settings)
         self.assertTrue(self.client.connect())
         self.addCleanup(self.client.close)
         time.sleep(BETWEEN_FRAMES_S)
@@ -150,7 +150,7 @@ class Functions:
                 send(**UNIT)
         with self.assertRaises(ModbusIOException):
             client.diag_restart_communication(False, **UNIT)
-        client.comm_params.timeout_connect = 2
+        client.comm_params.timeout_connect = 10
         log = self.good(client.diag_get_comm_event_log(**UNIT))
         self.assertEqual(log.message_count, 1)
         listened = [0x60, 0xA0] * 3
@@ -277,7 +277,7 @@ class Ascii(Functions, unittest.TestCase):
         self.client.close()
         self.client = ModbusSerialClient(
             self.bus.port,
-            timeout=2,
+            timeout=10,
             retries=0,
             trace_packet=lambda sending, packet: packet.lower() if sending else packet,
             **self.settings,

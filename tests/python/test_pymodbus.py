@@ -39,7 +39,7 @@ class OnBus(unittest.TestCase):
         self.client = ModbusSerialClient(
             self.bus.port,
             baudrate=38400,
-            timeout=2,
+            timeout=10,
             # A lost answer must show as one, not be mended by a second try.
             retries=0,
             trace_packet=self.trace,
@@ -198,7 +198,7 @@ class DemoUnit(OnBus):
         self.client.comm_params.timeout_connect = 0.2
         with self.assertRaises(ModbusIOException):
             self.client.read_holding_registers(0, device_id=9)
-        self.client.comm_params.timeout_connect = 2
+        self.client.comm_params.timeout_connect = 10
         self.assertFalse(self.client.read_holding_registers(0, device_id=2).isError())
 
     def test_a_wrong_crc_is_not_answered(self):

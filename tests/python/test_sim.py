@@ -11,7 +11,7 @@ from bus import Bus
 
 
 def read_register(port, unit):
-    client = ModbusSerialClient(port, baudrate=38400, timeout=2, retries=0)
+    client = ModbusSerialClient(port, baudrate=38400, timeout=10, retries=0)
     assert client.connect()
     try:
         return client.read_holding_registers(0, count=1, device_id=unit).registers
@@ -46,7 +46,7 @@ class FreshBoot(unittest.TestCase):
     def test_nothing_written_survives_a_restart(self):
         bus = Bus("registers")
         try:
-            client = ModbusSerialClient(bus.port, baudrate=38400, timeout=2, retries=0)
+            client = ModbusSerialClient(bus.port, baudrate=38400, timeout=10, retries=0)
             self.assertTrue(client.connect())
             self.assertFalse(client.write_register(0, 7, device_id=1).isError())
             client.close()

@@ -45,6 +45,15 @@ impl Board {
         }
     }
 
+    /// How many bytes of an image's flash may depend on where the repository lies: symbols have a hash of its path, the order of
+    /// functions goes by their symbols, and what lies between them for their alignment by the order. The AVR has none.
+    pub const fn padding(self) -> f64 {
+        match self {
+            Board::Nano => 0.0,
+            Board::Stm32 => 32.0,
+        }
+    }
+
     /// The line before its table in the README.
     pub const fn begin(self) -> &'static str {
         match self {

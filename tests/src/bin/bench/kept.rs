@@ -90,8 +90,8 @@ pub fn take_over(path: &Path, image: &str, figures: &mut Figures) -> Result<(), 
 }
 
 /// Compares with what is kept, prints the differences, and gives whether each image is as it was: nothing
-/// where no figures of this compiler are kept.
-pub fn compare(path: &Path, measured: &Figures) -> Result<Vec<bool>, Trouble> {
+/// where no figures of this compiler are kept. Flash may be off by so many bytes of `padding`.
+pub fn compare(path: &Path, measured: &Figures, padding: f64) -> Result<Vec<bool>, Trouble> {
     println!("\nFigures kept in {}", path.display());
     let all = load(path)?;
     let Some(kept) = all.iter().find(|kept| kept.compiler == measured.compiler) else {
@@ -113,7 +113,7 @@ pub fn compare(path: &Path, measured: &Figures) -> Result<Vec<bool>, Trouble> {
     for image in names.collect::<BTreeSet<_>>() {
         let was = kept.images.get(image).unwrap_or(&none);
         let is = measured.images.get(image).unwrap_or(&none);
-        let lines = differences(was, is);
+        let lines = differences(was, is, padding);
         let verdict = if lines.is_empty() {
             "ok     "
         } else {
@@ -132,12 +132,15 @@ pub fn compare(path: &Path, measured: &Figures) -> Result<Vec<bool>, Trouble> {
 }
 
 /// One line for each figure that is not what it was.
-fn differences(kept: &Set, measured: &Set) -> Vec<String> {
+fn differences(kept: &Set, measured: &Set, padding: f64) -> Vec<String> {
     let names: BTreeSet<_> = kept.keys().chain(measured.keys()).collect();
     let shown = |value: Option<&f64>| value.map_or("nothing".to_owned(), f64::to_string);
     names
         .into_iter()
-        .filter(|name| kept.get(*name) != measured.get(*name))
+        .filter(|name| match (kept.get(*name), measured.get(*name)) {
+            (Some(was), Some(is)) if *name == "flash_bytes" => (was - is).abs() > padding,
+            (was, is) => was != is,
+        })
         .map(|name| {
             let (was, is) = (shown(kept.get(name)), shown(measured.get(name)));
             format!("{name}: kept {was}, measured {is}")
@@ -162,14 +165,34 @@ mod tests {
             ("new".to_owned(), 4.0),
         ]);
         assert_eq!(
-            differences(&kept, &measured),
+            differences(&kept, &measured, 0.0),
             [
                 "gone: kept 3, measured nothing",
                 "new: kept nothing, measured 4",
                 "stack_peak_bytes: kept 100, measured 101",
             ]
         );
-        assert!(differences(&kept, &kept).is_empty());
+        assert!(differences(&kept, &kept, 0.0).is_empty());
+    }
+
+    #[test]
+    fn flash_alone_may_differ_by_padding() {
+        let set = |name: &str, bytes| Set::from([(name.to_owned(), bytes)]);
+        let count =
+            |name, is, padding| differences(&set(name, 100.0), &set(name, is), padding).len();
+        for (name, is, padding, differs) in [
+            ("flash_bytes", 104.0, 4.0, 0),
+            ("flash_bytes", 96.0, 4.0, 0),
+            ("flash_bytes", 105.0, 4.0, 1),
+            ("flash_bytes", 101.0, 0.0, 1),
+            ("static_ram_bytes", 101.0, 4.0, 1),
+        ] {
+            assert_eq!(count(name, is, padding), differs, "{name} {is} {padding}");
+        }
+        assert_eq!(
+            differences(&set("flash_bytes", 1.0), &Set::new(), 4.0).len(),
+            1
+        );
     }
 
     #[test]
@@ -200,10 +223,10 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("figures.json");
         record(&path, &figures("one", 0.1)).expect("written");
-        let compared = |value| compare(&path, &figures("one", value)).expect("read");
+        let compared = |value| compare(&path, &figures("one", value), 0.0).expect("read");
         assert_eq!(compared(0.1), [true]);
         assert_eq!(compared(0.101), [false]);
-        let other = compare(&path, &figures("another", 0.101)).expect("read");
+        let other = compare(&path, &figures("another", 0.101), 0.0).expect("read");
         assert!(other.is_empty(), "another compiler's figures are its own");
     }
 

@@ -147,7 +147,11 @@ fn run(arguments: &Arguments) -> Result<bool, Trouble> {
     }
     let promised = goals.iter().filter(|goal| goal.is_promised());
     let mut checks: Vec<bool> = promised.map(|goal| goal.is_met()).collect();
-    checks.extend(kept::compare(&arguments.kept, &figures)?);
+    checks.extend(kept::compare(
+        &arguments.kept,
+        &figures,
+        arguments.board.padding(),
+    )?);
     let kept = kept::load(&arguments.kept)?;
     checks.push(readme::check(&arguments.readme, board, &kept)?);
     let failed = checks.iter().filter(|passed| !**passed).count();

@@ -5,7 +5,7 @@ mod common;
 use common::four::{self, AS1, Desk, RS2, RS4, TEXT, setting};
 use common::frames::{adu, be, block, data, exception, words};
 use common::{LINE, ports};
-use multidrop_bus::{HostPort, Line, Time, Tx, WireByte, WireId};
+use multidrop_bus::{HostId, HostPort, Line, Time, Tx, WireByte, WireId};
 
 /// The machine, and these units behind RS4.
 fn desk(units: &[u8]) -> Desk {
@@ -49,6 +49,17 @@ fn load(port: usize, number: u16, value: u32) -> (Vec<u8>, Vec<u8>) {
     let first = setting(port, number);
     let request = block(10, 16, first, 2, &value.to_be_bytes());
     (request, words(10, 16, first, 2))
+}
+
+/// The machine with RS4 listening only, and a host on its wire. Its last poll is over, and printed.
+fn listening() -> (Desk, HostId) {
+    let mut desk = desk(&[]);
+    let bus = desk.bus.add_host_on(WireId::default(), HostPort::new(LINE));
+    let (request, answer) = load(RS4, 0, 3);
+    expect(&mut desk, &request, &answer);
+    desk.bus.run_for(Time::from_ms(400));
+    printed(&mut desk);
+    (desk, bus)
 }
 
 #[test]
@@ -113,13 +124,7 @@ fn units_that_are_missing_and_ports_that_refuse() {
 
 #[test]
 fn what_is_printed_is_what_was_on_the_wire_in_1000_exchanges_with_faults() {
-    let mut desk = desk(&[]);
-    let bus = desk.bus.add_host_on(WireId::default(), HostPort::new(LINE));
-    // RS4 listens only. Its last poll is over before the first exchange.
-    let (request, answer) = load(RS4, 0, 3);
-    expect(&mut desk, &request, &answer);
-    desk.bus.run_for(Time::from_ms(400));
-    printed(&mut desk);
+    let (mut desk, bus) = listening();
     let mut random = common::random::Random::new(5);
     let mut expected = Vec::new();
     let mut damaged = 0;
@@ -182,12 +187,7 @@ fn what_is_printed_is_what_was_on_the_wire_in_1000_exchanges_with_faults() {
 
 #[test]
 fn a_line_goes_on_where_it_was_when_the_printers_baud_is_changed_in_the_middle_of_it() {
-    let mut desk = desk(&[]);
-    let bus = desk.bus.add_host_on(WireId::default(), HostPort::new(LINE));
-    let (request, answer) = load(RS4, 0, 3);
-    expect(&mut desk, &request, &answer);
-    desk.bus.run_for(Time::from_ms(400));
-    printed(&mut desk);
+    let (mut desk, bus) = listening();
     desk.bus.clear_record();
     let mut random = common::random::Random::new(6);
     let mut expected = Vec::new();

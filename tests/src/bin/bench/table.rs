@@ -59,6 +59,31 @@ impl Row {
     }
 }
 
+/// What DE and the bytes of an answer keep to, on each board alike.
+pub const DE_LEAD: Row = turnaround(
+    "DE up before the first start bit",
+    "de_lead_min_us",
+    "de_lead_max_us",
+)
+.goal("<= 1 character")
+.brief();
+/// See [`DE_LEAD`].
+pub const DE_LAG: Row = turnaround(
+    "DE down after the last stop bit",
+    "de_lag_min_us",
+    "de_lag_max_us",
+)
+.goal("0..=10")
+.brief();
+/// See [`DE_LEAD`].
+pub const ANSWER_GAP: Row = row(
+    "longest gap between answer bytes",
+    "us",
+    One("answer_gap_max_us"),
+)
+.goal("0")
+.brief();
+
 /// Every row. The peers are Modbus slaves in C and C++ for the same chip, whole images with 16 registers,
 /// measured on a model of the same kind; the best of them for each row, which is never the same one.
 const ROWS: &[Row] = &[
@@ -141,27 +166,9 @@ const ROWS: &[Row] = &[
     )
     .goal("0..=120")
     .brief(),
-    turnaround(
-        "DE up before the first start bit",
-        "de_lead_min_us",
-        "de_lead_max_us",
-    )
-    .goal("<= 1 character")
-    .brief(),
-    turnaround(
-        "DE down after the last stop bit",
-        "de_lag_min_us",
-        "de_lag_max_us",
-    )
-    .goal("0..=10")
-    .brief(),
-    row(
-        "longest gap between answer bytes",
-        "us",
-        One("answer_gap_max_us"),
-    )
-    .goal("0")
-    .brief(),
+    DE_LEAD,
+    DE_LAG,
+    ANSWER_GAP,
     row(
         "receive interrupt, min/median/max",
         "cycles",

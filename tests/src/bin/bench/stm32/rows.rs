@@ -2,7 +2,7 @@
 
 use super::{BAUDS, COUNT, FOUR};
 use crate::table::Shown::{One, Range, Three};
-use crate::table::{Row, Table, row, turnaround};
+use crate::table::{ANSWER_GAP, DE_LAG, DE_LEAD, Row, Table, row, turnaround};
 
 /// The table.
 pub fn table() -> Table {
@@ -179,27 +179,9 @@ const ROWS: &[Row] = &[
     row("jitter, 10x16", "us", One("jitter_10x16_us")).goal("<= 20"),
     row("jitter, 03x125", "us", One("jitter_03x125_us")).goal("<= 20"),
     row("jitter, 10x123", "us", One("jitter_10x123_us")).goal("<= 20"),
-    turnaround(
-        "DE up before the first start bit",
-        "de_lead_min_us",
-        "de_lead_max_us",
-    )
-    .goal("<= 1 character")
-    .brief(),
-    turnaround(
-        "DE down after the last stop bit",
-        "de_lag_min_us",
-        "de_lag_max_us",
-    )
-    .goal("0..=10")
-    .brief(),
-    row(
-        "longest gap between answer bytes",
-        "us",
-        One("answer_gap_max_us"),
-    )
-    .goal("0")
-    .brief(),
+    DE_LEAD,
+    DE_LAG,
+    ANSWER_GAP,
     row("loss-free up to", "baud", One("loss_free_baud"))
         .goal(">= 2000000")
         .brief(),

@@ -117,3 +117,13 @@ fn boots_counts_in_the_eeprom_through_reset_and_power_cut() {
     }
     assert_sleeps(&mut bus, node);
 }
+
+#[test]
+fn division_and_memmove_are_right() {
+    let (right, wrong) = (Pin::new('B', 0).unwrap(), Pin::new('B', 1).unwrap());
+    let (mut bus, node) = alone("arithmetic", &[right, wrong]);
+    bus.run_for(Time::from_s(1));
+    assert_eq!(bus.node(node).bad_opcodes(), 0);
+    assert_eq!(changes(&bus, right).len(), 1);
+    assert_eq!(changes(&bus, wrong), []);
+}

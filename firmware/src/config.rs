@@ -123,6 +123,30 @@ impl PortConfig {
         self
     }
 
+    /// How long after a timeout an answer is still told from those to later requests, in ms; 0 is the timeout.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, above 65535.
+    pub const fn late_guard_ms(mut self, ms: u32) -> Self {
+        if ms > 65_535 {
+            self.wrong("late_guard_ms", ms, "must be 0..=65535", None);
+        }
+        self.settings.late_guard_ms = ms as u16;
+        self
+    }
+
+    /// How long a master sends nothing after an answer, in ms: for units that need a pause.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, above 65535.
+    pub const fn request_gap_ms(mut self, ms: u32) -> Self {
+        if ms > 65_535 {
+            self.wrong("request_gap_ms", ms, "must be 0..=65535", None);
+        }
+        self.settings.request_gap_ms = ms as u16;
+        self
+    }
+
     /// Bits per second. Whether the clock makes it is checked by the board.
     ///
     /// # Panics
@@ -192,9 +216,55 @@ impl PortConfig {
         self
     }
 
-    /// The rule for gaps inside a frame.
+    /// What ends an RTU frame, and which gaps it may have inside.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, for a gap outside of 2..=50 ms.
     pub const fn inter_character(mut self, rule: InterCharacter) -> Self {
-        self.settings.line.strict = matches!(rule, InterCharacter::Strict);
+        if let InterCharacter::Gap(ms) = rule {
+            let ms = ms as u32;
+            if ms < InterCharacter::GAP.0 || ms > InterCharacter::GAP.1 {
+                self.wrong("inter_character gap", ms, "must be 2..=50 ms", None);
+            }
+        }
+        self.settings.line.inter_character = rule;
+        self
+    }
+
+    /// How long a frame waits for CTS before it is dropped, in ms. Without RTS/CTS it has no effect.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, outside of 1..=65535.
+    pub const fn cts_timeout_ms(mut self, ms: u32) -> Self {
+        if ms < Settings::CTS_TIMEOUT.0 || ms > Settings::CTS_TIMEOUT.1 {
+            self.wrong("cts_timeout_ms", ms, "must be 1..=65535", None);
+        }
+        self.settings.line.cts_timeout_ms = ms as u16;
+        self
+    }
+
+    /// How long DE is up before the first start bit, in us: for transceivers and repeaters that need time to turn on. DE goes up at
+    /// t3.5.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, above 10000.
+    pub const fn de_lead_us(mut self, us: u32) -> Self {
+        if us > Settings::DE_LEAD.1 {
+            self.wrong("de_lead_us", us, "must be 0..=10000", None);
+        }
+        self.settings.line.de_lead_us = us as u16;
+        self
+    }
+
+    /// How long a slave's answer waits after t3.5, in ms: for masters that let go of the bus late.
+    ///
+    /// # Panics
+    /// At compile time, with port and value, above 1000.
+    pub const fn response_delay_ms(mut self, ms: u32) -> Self {
+        if ms > Settings::RESPONSE_DELAY.1 {
+            self.wrong("response_delay_ms", ms, "must be 0..=1000", None);
+        }
+        self.settings.line.response_delay_ms = ms as u16;
         self
     }
 
@@ -284,16 +354,15 @@ pub(crate) const fn line_config(mode: Mode, line: &LineSettings) -> LineConfig {
         baud: line.baud,
         framing: line.framing,
         format: line.format,
-        inter_character: if line.strict {
-            InterCharacter::Strict
-        } else {
-            InterCharacter::Off
-        },
+        inter_character: line.inter_character,
         flow: line.flow,
         role: match mode {
             Mode::Master => Role::Client,
             Mode::Slave | Mode::Sniffer | Mode::Off => Role::Server,
         },
+        cts_timeout_ms: line.cts_timeout_ms,
+        de_lead_us: line.de_lead_us,
+        response_delay_ms: line.response_delay_ms,
     }
 }
 

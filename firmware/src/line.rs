@@ -16,17 +16,9 @@ use core::future::Future;
 
 pub use multidrop_protocol::Adu;
 use multidrop_protocol::format::{Framing, LineFormat};
-use multidrop_protocol::port_registers::{Duplex, Flow};
+pub use multidrop_protocol::port_registers::InterCharacter;
+use multidrop_protocol::port_registers::{Duplex, Flow, Mode, Settings};
 use multidrop_protocol::rtu::Flaws;
-
-/// Whether a gap of more than 1.5 characters inside a frame makes it bad (SER 2.5.1.1).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum InterCharacter {
-    /// The standard: such a frame is dropped and counted.
-    Strict,
-    /// Only t3.5 ends a frame: for peers behind USB adapters, which pause inside frames.
-    Off,
-}
 
 /// Which part a line has in a transaction: it says when a frame is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +48,18 @@ pub struct LineConfig {
     pub flow: Flow,
     /// Who begins to talk.
     pub role: Role,
+    /// With RTS/CTS: how long a frame waits for CTS before it is dropped, 1..=65535 ms.
+    pub cts_timeout_ms: u16,
+    /// How long DE is up before the first start bit, 0..=10000 us.
+    pub de_lead_us: u16,
+    /// How long a server's answer waits after t3.5, 0..=1000 ms.
+    pub response_delay_ms: u16,
+}
+
+impl LineConfig {
+    /// A server with the [default settings](Settings::DEFAULT).
+    pub const DEFAULT: LineConfig =
+        crate::config::line_config(Mode::Slave, &Settings::DEFAULT.line);
 }
 
 /// A [`LineConfig`] that the chip cannot do. The caller's error; the line keeps its settings.

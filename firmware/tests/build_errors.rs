@@ -83,6 +83,46 @@ fn cases() -> Vec<Case> {
             "port RS4: timeout_ms is 65536, must be 1..=65535",
         ),
         (
+            "late_guard",
+            port(".late_guard_ms(65_536)"),
+            "port RS4: late_guard_ms is 65536, must be 0..=65535",
+        ),
+        (
+            "request_gap",
+            port(".request_gap_ms(65_536)"),
+            "port RS4: request_gap_ms is 65536, must be 0..=65535",
+        ),
+        (
+            "cts_timeout_0",
+            port(".cts_timeout_ms(0)"),
+            "port RS4: cts_timeout_ms is 0, must be 1..=65535",
+        ),
+        (
+            "cts_timeout_high",
+            port(".cts_timeout_ms(65_536)"),
+            "port RS4: cts_timeout_ms is 65536, must be 1..=65535",
+        ),
+        (
+            "de_lead",
+            port(".de_lead_us(10_001)"),
+            "port RS4: de_lead_us is 10001, must be 0..=10000",
+        ),
+        (
+            "response_delay",
+            port(".response_delay_ms(1001)"),
+            "port RS4: response_delay_ms is 1001, must be 0..=1000",
+        ),
+        (
+            "gap_1",
+            port(".inter_character(InterCharacter::Gap(1))"),
+            "port RS4: inter_character gap is 1, must be 2..=50 ms",
+        ),
+        (
+            "gap_51",
+            port(".inter_character(InterCharacter::Gap(51))"),
+            "port RS4: inter_character gap is 51, must be 2..=50 ms",
+        ),
+        (
             "retries",
             port(".retries(256)"),
             "port RS4: retries is 256, must be 0..=255",
@@ -242,6 +282,8 @@ fn cases() -> Vec<Case> {
                 "{}\n{}\n{}",
                 port(
                     ".client().slave_id(0).base(65_526).timeout_ms(150).retries(255).turnaround_ms(0)\
+                     .late_guard_ms(65_535).request_gap_ms(65_535).cts_timeout_ms(65_535).de_lead_us(10_000)\
+                     .response_delay_ms(1000).inter_character(InterCharacter::Gap(50))\
                      .framing(Framing::Ascii).format(LineFormat::F7E1).baud(300)"
                 ),
                 rules(
@@ -260,7 +302,7 @@ const IMPORTS: &str = "#![no_std]
 #![allow(unused_imports, clippy::all)]
 use multidrop_firmware::PortConfig;
 use multidrop_firmware::protocol::format::{Framing, LineFormat};
-use multidrop_firmware::protocol::port_registers::Mode;
+use multidrop_firmware::protocol::port_registers::{InterCharacter, Mode};
 use multidrop_firmware::protocol::registers::{Bank, CoilBank, ScanList, SparseBank, SparseCoilBank};
 use multidrop_firmware::protocol::rules;
 use multidrop_firmware::protocol::server::Server;

@@ -62,6 +62,11 @@ fn all() -> Vec<Register> {
         "FLOW",
         "INTER_CHARACTER",
         "START",
+        "LATE_GUARD",
+        "CTS_TIMEOUT",
+        "REQUEST_GAP",
+        "DE_LEAD",
+        "RESPONSE_DELAY",
     ];
     let names = names.map(|name| Register::from_name(name).unwrap());
     let regs = (0..10).map(Register::Regs);
@@ -97,6 +102,11 @@ fn each_port_has_registers_of_its_own() {
         (Register::Baud, 9600),
         (Register::Format, 0),
         (Register::InterCharacter, 1),
+        (Register::LateGuard, 1234),
+        (Register::CtsTimeout, 55),
+        (Register::RequestGap, 66),
+        (Register::DeLead, 10_000),
+        (Register::ResponseDelay, 1000),
         (Register::Regs(3), 1234),
         (Register::Coils(9), 1),
     ];

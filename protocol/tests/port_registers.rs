@@ -110,8 +110,30 @@ fn whoever_is_wrong_is_told_what_would_be_right() {
         ("FLOW", 2, "FLOW is 2, must be 0 (none) or 1 (RTS/CTS)"),
         (
             "INTER_CHARACTER",
-            2,
-            "INTER_CHARACTER is 2, must be 0 (strict) or 1 (off)",
+            51,
+            "INTER_CHARACTER is 51, must be 0 (strict), 1 (off) or 2..=50 (ms that end a frame)",
+        ),
+        (
+            "LATE_GUARD",
+            65_536,
+            "LATE_GUARD is 65536, must be 0..=65535",
+        ),
+        ("CTS_TIMEOUT", 0, "CTS_TIMEOUT is 0, must be 1..=65535"),
+        (
+            "CTS_TIMEOUT",
+            65_536,
+            "CTS_TIMEOUT is 65536, must be 1..=65535",
+        ),
+        (
+            "REQUEST_GAP",
+            65_536,
+            "REQUEST_GAP is 65536, must be 0..=65535",
+        ),
+        ("DE_LEAD", 10_001, "DE_LEAD is 10001, must be 0..=10000"),
+        (
+            "RESPONSE_DELAY",
+            1001,
+            "RESPONSE_DELAY is 1001, must be 0..=1000",
         ),
         ("START", 1, "MODE is 1, must be 0 (master) for START"),
         ("START", 2, "START is 2, must be 1"),

@@ -31,6 +31,7 @@ const START: LineConfig = LineConfig {
     inter_character: InterCharacter::Strict,
     flow: Flow::None,
     role: Role::Server,
+    ..LineConfig::DEFAULT
 };
 
 type Rs485 = Usart0<PD2, CLOCK_HZ, RtuAndAscii>;

@@ -107,7 +107,7 @@ impl Settings {
         };
         let to_complete = match config.inter_character {
             InterCharacter::Strict => t1_5,
-            InterCharacter::Off => t3_5 - to_start,
+            InterCharacter::Off | InterCharacter::Gap(_) => t3_5 - to_start,
         };
         Ok(Self {
             brr: divisor.brr,
@@ -175,6 +175,7 @@ mod tests {
         inter_character: InterCharacter::Strict,
         flow: Flow::None,
         role: Role::Server,
+        ..LineConfig::DEFAULT
     };
     const CLOCK_HZ: u32 = 42_000_000;
 

@@ -1,8 +1,8 @@
 //! Loading and reading registers.
 
 use super::{
-    Change, Duplex, Flow, LineSettings, Mode, PortRegisters, Reason, Refused, Register, Settings,
-    Status,
+    Change, Duplex, Flow, InterCharacter, LineSettings, Mode, PortRegisters, Reason, Refused,
+    Register, Settings, Status,
 };
 use crate::UNIT_MAX;
 use crate::format::{Framing, LineFormat};
@@ -15,6 +15,9 @@ use crate::registers::{Items, RuleList, Rules};
 
 /// What iDevOS's coil examples load for on.
 const ON: u32 = 255;
+
+/// The range of a register that takes any word.
+const WORD: (u32, u32) = (0, 65_535);
 
 impl<R, C, V> PortRegisters<R, C, V>
 where
@@ -59,7 +62,10 @@ where
             | Register::Format
             | Register::Duplex
             | Register::Flow
-            | Register::InterCharacter => Ok(Change::Line),
+            | Register::InterCharacter
+            | Register::CtsTimeout
+            | Register::DeLead
+            | Register::ResponseDelay => Ok(Change::Line),
             Register::Start => self.start().map(|()| Change::Start),
             _ => Ok(Change::Done),
         }
@@ -71,9 +77,12 @@ where
         value: u32,
         line: &dyn Fn(&LineSettings) -> Result<(), Reason>,
     ) -> Result<(), Reason> {
-        let word = || u16::try_from(value).map_err(|_| Reason::Range(0, 65_535));
-        let old = &self.settings.line;
-        let new = match register {
+        if let Some((word, (low, high))) = self.word_mut(register) {
+            *word = within(value, low, high)? as u16;
+            return Ok(());
+        }
+        let mut new = self.settings.line;
+        match register {
             Register::Mode => {
                 let mode = match value {
                     0 => Mode::Master,
@@ -83,7 +92,7 @@ where
                     4 => return Err(Reason::NotYet),
                     _ => return Err(Reason::Choice),
                 };
-                if mode.talks() && old.framing == Framing::Text {
+                if mode.talks() && new.framing == Framing::Text {
                     return Err(Reason::Text);
                 }
                 if mode == Mode::Slave && self.settings.slave_id == 0 {
@@ -97,9 +106,9 @@ where
                 self.settings.slave_id = within(value, low, UNIT_MAX.into())? as u8;
                 return Ok(());
             }
-            Register::Base => return self.rebase(word()?),
+            Register::Base => return self.rebase(within(value, 0, WORD.1)? as u16),
             Register::Regs(index) => {
-                let value = word()?;
+                let value = within(value, 0, WORD.1)? as u16;
                 return match self.regs.set_item(index, value) {
                     true => Ok(()),
                     false => Err(Reason::Index(self.regs.len() as u32)),
@@ -122,35 +131,8 @@ where
                 };
                 return Ok(());
             }
-            Register::RegOff => {
-                self.reg_offset = word()?;
-                return Ok(());
-            }
-            Register::RegCnt => {
-                // How many a scan list may walk is a matter of its length alone.
-                let most = if R::SCANS { 65_535 } else { READ_REGISTERS_MAX };
-                self.reg_count = within(value, 1, most.into())? as u16;
-                return Ok(());
-            }
-            Register::CoilOff => {
-                self.coil_offset = word()?;
-                return Ok(());
-            }
-            Register::CoilCnt => {
-                self.coil_count = within(value, 1, READ_BITS_MAX.into())? as u16;
-                return Ok(());
-            }
-            Register::Timeout => {
-                let (low, high) = Settings::TIMEOUT;
-                self.settings.timeout_ms = within(value, low, high)? as u16;
-                return Ok(());
-            }
             Register::Retries => {
                 self.settings.retries = within(value, 0, 255)? as u8;
-                return Ok(());
-            }
-            Register::Turnaround => {
-                self.settings.turnaround_ms = word()?;
                 return Ok(());
             }
             Register::DisableFlg(index) => {
@@ -172,63 +154,76 @@ where
                     _ => Err(Reason::Choice),
                 };
             }
-            Register::Status
-            | Register::Error
-            | Register::DataOk
-            | Register::DataErr
-            | Register::ValidData(_)
-            | Register::ValidReg(_)
-            | Register::DisableReg(_) => return Err(Reason::ReadOnly),
             Register::Baud => {
                 let (low, high) = Settings::BAUD;
-                let baud = within(value, low, high)?;
-                LineSettings { baud, ..*old }
+                new.baud = within(value, low, high)?;
             }
             Register::Framing => {
-                let framing = match value {
+                new.framing = match value {
                     0 => Framing::Rtu,
                     1 => Framing::Ascii,
                     2 if self.settings.mode.talks() => return Err(Reason::Text),
                     2 => Framing::Text,
                     _ => return Err(Reason::Choice),
                 };
-                LineSettings { framing, ..*old }
             }
-            Register::Format => {
-                let format = format(value).ok_or(Reason::Choice)?;
-                LineSettings { format, ..*old }
-            }
+            Register::Format => new.format = format(value).ok_or(Reason::Choice)?,
             Register::Duplex => {
-                let duplex = match value {
+                new.duplex = match value {
                     0 => Duplex::Half,
                     1 => Duplex::Full,
                     _ => return Err(Reason::Choice),
                 };
-                LineSettings { duplex, ..*old }
             }
             Register::Flow => {
-                let flow = match value {
+                new.flow = match value {
                     0 => Flow::None,
                     1 => Flow::RtsCts,
                     _ => return Err(Reason::Choice),
                 };
-                LineSettings { flow, ..*old }
             }
             Register::InterCharacter => {
-                let strict = match value {
-                    0 => true,
-                    1 => false,
+                let (low, high) = InterCharacter::GAP;
+                new.inter_character = match value {
+                    0 => InterCharacter::Strict,
+                    1 => InterCharacter::Off,
+                    _ if (low..=high).contains(&value) => InterCharacter::Gap(value as u8),
                     _ => return Err(Reason::Choice),
                 };
-                LineSettings { strict, ..*old }
             }
-        };
+            // Those that only tell; the others are words.
+            _ => return Err(Reason::ReadOnly),
+        }
         if new.framing == Framing::Rtu && new.format.data_bits() == 7 {
             return Err(Reason::SevenBits);
         }
         line(&new)?;
         self.settings.line = new;
         Ok(())
+    }
+
+    /// Where the value of a register is that takes every word of a range, and the range; `None` for others.
+    fn word_mut(&mut self, register: Register) -> Option<(&mut u16, (u32, u32))> {
+        let settings = &mut self.settings;
+        Some(match register {
+            Register::RegOff => (&mut self.reg_offset, WORD),
+            // How many a scan list may walk is a matter of its length alone.
+            Register::RegCnt if R::SCANS => (&mut self.reg_count, (1, WORD.1)),
+            Register::RegCnt => (&mut self.reg_count, (1, READ_REGISTERS_MAX as u32)),
+            Register::CoilOff => (&mut self.coil_offset, WORD),
+            Register::CoilCnt => (&mut self.coil_count, (1, READ_BITS_MAX as u32)),
+            Register::Timeout => (&mut settings.timeout_ms, Settings::TIMEOUT),
+            Register::Turnaround => (&mut settings.turnaround_ms, WORD),
+            Register::LateGuard => (&mut settings.late_guard_ms, WORD),
+            Register::RequestGap => (&mut settings.request_gap_ms, WORD),
+            Register::CtsTimeout => (&mut settings.line.cts_timeout_ms, Settings::CTS_TIMEOUT),
+            Register::DeLead => (&mut settings.line.de_lead_us, Settings::DE_LEAD),
+            Register::ResponseDelay => {
+                let word = &mut settings.line.response_delay_ms;
+                (word, Settings::RESPONSE_DELAY)
+            }
+            _ => return None,
+        })
     }
 
     fn rebase(&mut self, base: u16) -> Result<(), Reason> {
@@ -349,7 +344,16 @@ where
             Register::Format => number(line.format),
             Register::Duplex => line.duplex as u32,
             Register::Flow => line.flow as u32,
-            Register::InterCharacter => u32::from(!line.strict),
+            Register::InterCharacter => match line.inter_character {
+                InterCharacter::Strict => 0,
+                InterCharacter::Off => 1,
+                InterCharacter::Gap(ms) => ms.into(),
+            },
+            Register::LateGuard => self.settings.late_guard_ms.into(),
+            Register::CtsTimeout => line.cts_timeout_ms.into(),
+            Register::RequestGap => self.settings.request_gap_ms.into(),
+            Register::DeLead => line.de_lead_us.into(),
+            Register::ResponseDelay => line.response_delay_ms.into(),
             Register::Start => self.running.into(),
         })
     }

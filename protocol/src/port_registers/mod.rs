@@ -25,7 +25,7 @@ mod transaction;
 
 pub use refused::{Reason, Refused};
 pub use register::Register;
-pub use settings::{Duplex, Flow, LineSettings, Mode, Settings, Status};
+pub use settings::{Duplex, Flow, InterCharacter, LineSettings, Mode, Settings, Status};
 pub use transaction::{Step, Transaction};
 
 use core::marker::PhantomData;

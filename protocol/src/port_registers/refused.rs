@@ -157,7 +157,7 @@ fn choices(register: Register) -> &'static str {
         Register::Format => "8N1 (0), 8E1 (1), 8O1 (2), 8N2 (3), 7E1 (4), 7O1 (5) or 7N2 (6)",
         Register::Duplex => "0 (half) or 1 (full)",
         Register::Flow => "0 (none) or 1 (RTS/CTS)",
-        Register::InterCharacter => "0 (strict) or 1 (off)",
+        Register::InterCharacter => "0 (strict), 1 (off) or 2..=50 (ms that end a frame)",
         _ => "1",
     }
 }

@@ -25,8 +25,13 @@ use core::fmt;
 /// | FORMAT | 0 8N1, 1 8E1, 2 8O1, 3 8N2, 4 7E1, 5 7O1, 6 7N2; 7 bits with ASCII only |
 /// | DUPLEX | 0 half, 1 full; as the port is wired |
 /// | FLOW | 0 none, 1 RTS/CTS; where the chip has it |
-/// | INTER_CHARACTER | 0 strict, 1 off |
+/// | INTER_CHARACTER | 0 strict, 1 off, 2..=50 ms of silence end a frame |
 /// | START | 1 starts a transaction, `LOAD(RS4, 1)`; reads 1 while it runs |
+/// | LATE_GUARD | 0..=65535 ms after a timeout in which a late answer is told from others; 0 is TIMEOUT |
+/// | CTS_TIMEOUT | 1..=65535 ms that a frame waits for CTS |
+/// | REQUEST_GAP | 0..=65535 ms between an answer and the next request of a master |
+/// | DE_LEAD | 0..=10000 us between DE and the first start bit |
+/// | RESPONSE_DELAY | 0..=1000 ms that a slave's answer waits after t3.5 |
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the table says what each is")]
 pub enum Register {
@@ -58,11 +63,16 @@ pub enum Register {
     Flow,
     InterCharacter,
     Start,
+    LateGuard,
+    CtsTimeout,
+    RequestGap,
+    DeLead,
+    ResponseDelay,
 }
 
 impl Register {
-    /// How many names there are: numbers are 0..=27.
-    pub const COUNT: u8 = 28;
+    /// How many names there are: numbers are 0..=32.
+    pub const COUNT: u8 = 33;
 
     /// The number of its name, the same in all versions.
     pub const fn number(self) -> u8 {
@@ -95,6 +105,11 @@ impl Register {
             Register::Flow => 25,
             Register::InterCharacter => 26,
             Register::Start => 27,
+            Register::LateGuard => 28,
+            Register::CtsTimeout => 29,
+            Register::RequestGap => 30,
+            Register::DeLead => 31,
+            Register::ResponseDelay => 32,
         }
     }
 
@@ -130,6 +145,11 @@ impl Register {
             25 => Register::Flow,
             26 => Register::InterCharacter,
             27 => Register::Start,
+            28 => Register::LateGuard,
+            29 => Register::CtsTimeout,
+            30 => Register::RequestGap,
+            31 => Register::DeLead,
+            32 => Register::ResponseDelay,
             _ => return None,
         };
         let indices = match register.index() {
@@ -186,6 +206,11 @@ impl Register {
             Register::Flow => "FLOW",
             Register::InterCharacter => "INTER_CHARACTER",
             Register::Start => "START",
+            Register::LateGuard => "LATE_GUARD",
+            Register::CtsTimeout => "CTS_TIMEOUT",
+            Register::RequestGap => "REQUEST_GAP",
+            Register::DeLead => "DE_LEAD",
+            Register::ResponseDelay => "RESPONSE_DELAY",
         }
     }
 

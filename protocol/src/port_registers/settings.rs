@@ -36,6 +36,24 @@ pub enum Flow {
     RtsCts = 1,
 }
 
+/// What ends an RTU frame, and which gaps it may have inside (SER 2.5.1.1). ASCII has a rule of its own: up to a second
+/// between characters (SER 2.5.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InterCharacter {
+    /// The standard: a silence of t3.5 ends a frame; one with a gap of more than t1.5 is dropped and counted.
+    Strict,
+    /// A silence of t3.5 ends a frame, and shorter gaps do no harm.
+    Off,
+    /// A silence of so many ms ends a frame, 2..=50, and shorter gaps do no harm: for peers behind USB adapters,
+    /// which pause for 16 ms inside frames. Where t3.5 is longer, t3.5 ends it.
+    Gap(u8),
+}
+
+impl InterCharacter {
+    /// Bounds of [`Gap`](Self::Gap) in ms, both ends included.
+    pub const GAP: (u32, u32) = (2, 50);
+}
+
 /// The line of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineSettings {
@@ -49,8 +67,14 @@ pub struct LineSettings {
     pub duplex: Duplex,
     /// Hardware flow control.
     pub flow: Flow,
-    /// Whether a gap of more than 1.5 characters inside an RTU frame makes it bad (SER 2.5.1.1).
-    pub strict: bool,
+    /// What ends an RTU frame.
+    pub inter_character: InterCharacter,
+    /// CTS_TIMEOUT: how long a frame waits for CTS, 1..=65535 ms.
+    pub cts_timeout_ms: u16,
+    /// DE_LEAD: between DE and the first start bit, 0..=10000 us.
+    pub de_lead_us: u16,
+    /// RESPONSE_DELAY: how long a slave's answer waits after t3.5, 0..=1000 ms.
+    pub response_delay_ms: u16,
 }
 
 /// The settings of a port that registers begin with.
@@ -68,7 +92,11 @@ pub struct Settings {
     pub retries: u8,
     /// TURNAROUND.
     pub turnaround_ms: u16,
-    /// BAUD, FRAMING, FORMAT, DUPLEX, FLOW, INTER_CHARACTER.
+    /// LATE_GUARD, 0 for [`timeout_ms`](Self::timeout_ms).
+    pub late_guard_ms: u16,
+    /// REQUEST_GAP.
+    pub request_gap_ms: u16,
+    /// BAUD, FRAMING, FORMAT, DUPLEX, FLOW, INTER_CHARACTER, CTS_TIMEOUT, DE_LEAD, RESPONSE_DELAY.
     pub line: LineSettings,
 }
 
@@ -84,6 +112,12 @@ impl Settings {
     pub const BAUD: (u32, u32) = (300, 10_000_000);
     /// TIMEOUT in ms.
     pub const TIMEOUT: (u32, u32) = (1, 65_535);
+    /// CTS_TIMEOUT in ms.
+    pub const CTS_TIMEOUT: (u32, u32) = (1, 65_535);
+    /// DE_LEAD in us.
+    pub const DE_LEAD: (u32, u32) = (0, 10_000);
+    /// RESPONSE_DELAY in ms.
+    pub const RESPONSE_DELAY: (u32, u32) = (0, 1000);
 
     /// A slave with id 1 at 19200 baud 8E1, the standard's default (SER 2.5.1); as a master a timeout of one second, no
     /// retries, and 100 ms after a broadcast (SER 2.4.1).
@@ -94,13 +128,18 @@ impl Settings {
         timeout_ms: 1000,
         retries: 0,
         turnaround_ms: 100,
+        late_guard_ms: 0,
+        request_gap_ms: 0,
         line: LineSettings {
             baud: 19_200,
             framing: Framing::Rtu,
             format: LineFormat::F8E1,
             duplex: Duplex::Half,
             flow: Flow::None,
-            strict: true,
+            inter_character: InterCharacter::Strict,
+            cts_timeout_ms: 1000,
+            de_lead_us: 0,
+            response_delay_ms: 0,
         },
     };
 }

@@ -148,6 +148,11 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Judge<R, C, V> {
             ("FLOW", 0),
             ("INTER_CHARACTER", 0),
             ("START", 0),
+            ("LATE_GUARD", 0),
+            ("CTS_TIMEOUT", 1000),
+            ("REQUEST_GAP", 0),
+            ("DE_LEAD", 0),
+            ("RESPONSE_DELAY", 0),
         ]);
         Judge {
             regs: vec![0; shape.regs_len],
@@ -181,7 +186,11 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Judge<R, C, V> {
     }
 
     fn load(&mut self, script: &mut Script<'_>) {
-        let number = script.byte() % 30;
+        // The first thirty numbers as the kept scripts have them.
+        let number = match script.byte() {
+            byte @ 225.. => 28 + byte % 7,
+            byte => byte % 30,
+        };
         let is_array = matches!(number, 3 | 4 | 18..=21);
         let index = match script.byte() {
             255 => script.word(),
@@ -199,7 +208,7 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Judge<R, C, V> {
             _ => u32::from(script.word()) << 16 | u32::from(script.word()),
         };
         let Some(register) = Register::from_number(number, index) else {
-            assert!(number > 27 || index > if is_array { 255 } else { 0 });
+            assert!(number > 32 || index > if is_array { 255 } else { 0 });
             return;
         };
         assert_eq!(register.number(), number);
@@ -263,14 +272,17 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Judge<R, C, V> {
             "COILS" => index < self.shape.coils_len && [0, 1, 255].contains(&value),
             "SLAVEID" => value < 248 && (value > 0 || self.get("MODE") != 1),
             "FUNC" => [1, 2, 3, 4, 5, 6, 15, 16, 23].contains(&value),
-            "REGOFF" | "COILOFF" | "TURNAROUND" => value < 65_536,
+            "REGOFF" | "COILOFF" | "TURNAROUND" | "LATE_GUARD" | "REQUEST_GAP" => value < 65_536,
             "REGCNT" => (1..=if self.shape.scan { 65_535 } else { 125 }).contains(&value),
             "COILCNT" => (1..=2000).contains(&value),
-            "TIMEOUT" => (1..65_536).contains(&value),
+            "TIMEOUT" | "CTS_TIMEOUT" => (1..65_536).contains(&value),
             "RETRIES" => value < 256,
             "DISABLE_FLG" => index < self.shape.rules[2] && value < 2,
             "BAUD" => (300..=10_000_000).contains(&value),
-            "DUPLEX" | "FLOW" | "INTER_CHARACTER" => value < 2,
+            "DUPLEX" | "FLOW" => value < 2,
+            "INTER_CHARACTER" => value <= 50,
+            "DE_LEAD" => value <= 10_000,
+            "RESPONSE_DELAY" => value <= 1000,
             "START" => value == 1 && self.get("START") == 0 && self.describes(),
             _ => false,
         }

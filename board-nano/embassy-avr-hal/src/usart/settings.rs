@@ -128,7 +128,7 @@ impl<F: Framings> Settings<F> {
         };
         let to_complete = match config.inter_character {
             InterCharacter::Strict => t1_5,
-            InterCharacter::Off => t3_5 - to_start,
+            InterCharacter::Off | InterCharacter::Gap(_) => t3_5 - to_start,
         };
         Ok(Self {
             ubrr: divisor.ubrr,

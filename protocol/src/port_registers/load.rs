@@ -1,11 +1,7 @@
 //! Loading and reading registers.
 
-use super::{
-    Change, Duplex, Flow, InterCharacter, LineSettings, Mode, PortRegisters, Reason, Refused,
-    Register, Settings, Status,
-};
-use crate::UNIT_MAX;
-use crate::format::{Framing, LineFormat};
+use super::load_settings::{WORD, within};
+use super::{Change, LineSettings, Mode, PortRegisters, Reason, Refused, Register, Status};
 use crate::function::{
     READ_BITS_MAX, READ_COILS, READ_DISCRETE_INPUTS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS,
     READ_REGISTERS_MAX, READ_WRITE_REGISTERS, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS,
@@ -15,9 +11,6 @@ use crate::registers::{Items, RuleList, Rules};
 
 /// What iDevOS's coil examples load for on.
 const ON: u32 = 255;
-
-/// The range of a register that takes any word.
-const WORD: (u32, u32) = (0, 65_535);
 
 impl<R, C, V> PortRegisters<R, C, V>
 where
@@ -77,51 +70,21 @@ where
         value: u32,
         line: &dyn Fn(&LineSettings) -> Result<(), Reason>,
     ) -> Result<(), Reason> {
-        if let Some((word, (low, high))) = self.word_mut(register) {
-            *word = within(value, low, high)? as u16;
-            return Ok(());
-        }
-        let mut new = self.settings.line;
+        let word = || within(value, WORD.0, WORD.1).map(|word| word as u16);
         match register {
-            Register::Mode => {
-                let mode = match value {
-                    0 => Mode::Master,
-                    1 => Mode::Slave,
-                    2 => Mode::Off,
-                    3 => Mode::Sniffer,
-                    4 => return Err(Reason::NotYet),
-                    _ => return Err(Reason::Choice),
-                };
-                if mode.talks() && new.framing == Framing::Text {
-                    return Err(Reason::Text);
-                }
-                if mode == Mode::Slave && self.settings.slave_id == 0 {
-                    return Err(Reason::SlaveZero);
-                }
-                self.settings.mode = mode;
-                return Ok(());
-            }
-            Register::SlaveId => {
-                let low = u32::from(self.settings.mode == Mode::Slave);
-                self.settings.slave_id = within(value, low, UNIT_MAX.into())? as u8;
-                return Ok(());
-            }
-            Register::Base => return self.rebase(within(value, 0, WORD.1)? as u16),
+            Register::Base => return self.rebase(word()?),
             Register::Regs(index) => {
-                let value = within(value, 0, WORD.1)? as u16;
-                return match self.regs.set_item(index, value) {
-                    true => Ok(()),
-                    false => Err(Reason::Index(self.regs.len() as u32)),
-                };
+                if !self.regs.set_item(index, word()?) {
+                    return Err(Reason::Index(self.regs.len() as u32));
+                }
             }
             Register::Coils(index) => {
                 if !matches!(value, 0 | 1 | ON) {
                     return Err(Reason::Choice);
                 }
-                return match self.coils.set_item(index, value != 0) {
-                    true => Ok(()),
-                    false => Err(Reason::Index(self.coils.len() as u32)),
-                };
+                if !self.coils.set_item(index, value != 0) {
+                    return Err(Reason::Index(self.coils.len() as u32));
+                }
             }
             Register::Func => {
                 self.function = match value {
@@ -129,11 +92,16 @@ where
                     1..=6 | 15 | 16 | 23 => value as u8,
                     _ => return Err(Reason::Choice),
                 };
-                return Ok(());
             }
-            Register::Retries => {
-                self.settings.retries = within(value, 0, 255)? as u8;
-                return Ok(());
+            Register::RegOff => self.reg_offset = word()?,
+            Register::RegCnt => {
+                // How many a scan list may walk is a matter of its length alone.
+                let most = if R::SCANS { 65_535 } else { READ_REGISTERS_MAX };
+                self.reg_count = within(value, 1, most.into())? as u16;
+            }
+            Register::CoilOff => self.coil_offset = word()?,
+            Register::CoilCnt => {
+                self.coil_count = within(value, 1, READ_BITS_MAX.into())? as u16;
             }
             Register::DisableFlg(index) => {
                 if index >= V::DISABLE_REG {
@@ -145,85 +113,15 @@ where
                     1 => self.flags |= flag,
                     _ => return Err(Reason::Choice),
                 }
-                return Ok(());
             }
-            Register::Start => {
-                return match value {
-                    1 if self.running => Err(Reason::Running),
-                    1 => Ok(()),
-                    _ => Err(Reason::Choice),
-                };
-            }
-            Register::Baud => {
-                let (low, high) = Settings::BAUD;
-                new.baud = within(value, low, high)?;
-            }
-            Register::Framing => {
-                new.framing = match value {
-                    0 => Framing::Rtu,
-                    1 => Framing::Ascii,
-                    2 if self.settings.mode.talks() => return Err(Reason::Text),
-                    2 => Framing::Text,
-                    _ => return Err(Reason::Choice),
-                };
-            }
-            Register::Format => new.format = format(value).ok_or(Reason::Choice)?,
-            Register::Duplex => {
-                new.duplex = match value {
-                    0 => Duplex::Half,
-                    1 => Duplex::Full,
-                    _ => return Err(Reason::Choice),
-                };
-            }
-            Register::Flow => {
-                new.flow = match value {
-                    0 => Flow::None,
-                    1 => Flow::RtsCts,
-                    _ => return Err(Reason::Choice),
-                };
-            }
-            Register::InterCharacter => {
-                let (low, high) = InterCharacter::GAP;
-                new.inter_character = match value {
-                    0 => InterCharacter::Strict,
-                    1 => InterCharacter::Off,
-                    _ if (low..=high).contains(&value) => InterCharacter::Gap(value as u8),
-                    _ => return Err(Reason::Choice),
-                };
-            }
-            // Those that only tell; the others are words.
-            _ => return Err(Reason::ReadOnly),
+            Register::Start => match value {
+                1 if self.running => return Err(Reason::Running),
+                1 => {}
+                _ => return Err(Reason::Choice),
+            },
+            _ => return self.settings.load(register, value, line),
         }
-        if new.framing == Framing::Rtu && new.format.data_bits() == 7 {
-            return Err(Reason::SevenBits);
-        }
-        line(&new)?;
-        self.settings.line = new;
         Ok(())
-    }
-
-    /// Where the value of a register is that takes every word of a range, and the range; `None` for others.
-    fn word_mut(&mut self, register: Register) -> Option<(&mut u16, (u32, u32))> {
-        let settings = &mut self.settings;
-        Some(match register {
-            Register::RegOff => (&mut self.reg_offset, WORD),
-            // How many a scan list may walk is a matter of its length alone.
-            Register::RegCnt if R::SCANS => (&mut self.reg_count, (1, WORD.1)),
-            Register::RegCnt => (&mut self.reg_count, (1, READ_REGISTERS_MAX as u32)),
-            Register::CoilOff => (&mut self.coil_offset, WORD),
-            Register::CoilCnt => (&mut self.coil_count, (1, READ_BITS_MAX as u32)),
-            Register::Timeout => (&mut settings.timeout_ms, Settings::TIMEOUT),
-            Register::Turnaround => (&mut settings.turnaround_ms, WORD),
-            Register::LateGuard => (&mut settings.late_guard_ms, WORD),
-            Register::RequestGap => (&mut settings.request_gap_ms, WORD),
-            Register::CtsTimeout => (&mut settings.line.cts_timeout_ms, Settings::CTS_TIMEOUT),
-            Register::DeLead => (&mut settings.line.de_lead_us, Settings::DE_LEAD),
-            Register::ResponseDelay => {
-                let word = &mut settings.line.response_delay_ms;
-                (word, Settings::RESPONSE_DELAY)
-            }
-            _ => return None,
-        })
     }
 
     fn rebase(&mut self, base: u16) -> Result<(), Reason> {
@@ -305,14 +203,7 @@ where
             let span = V::registers(list, index).ok_or(none(len.into()))?;
             Ok(u32::from(span.first) << 16 | u32::from(span.last))
         };
-        let line = &self.settings.line;
         Ok(match register {
-            Register::Mode => self.settings.mode as u32,
-            Register::Framing => match line.framing {
-                Framing::Rtu => 0,
-                Framing::Ascii => 1,
-                Framing::Text => 2,
-            },
             Register::Base => self.settings.base.into(),
             Register::Regs(index) => {
                 let item = self.regs.item(index);
@@ -322,7 +213,6 @@ where
                 let item = self.coils.item(index);
                 item.ok_or(none(self.coils.len()))?.into()
             }
-            Register::SlaveId => self.settings.slave_id.into(),
             Register::Func => self.function.into(),
             Register::RegOff => self.reg_offset.into(),
             Register::RegCnt => self.reg_count.into(),
@@ -330,9 +220,6 @@ where
             Register::CoilCnt => self.coil_count.into(),
             Register::Status => self.status as u32,
             Register::Error => self.error.into(),
-            Register::Timeout => self.settings.timeout_ms.into(),
-            Register::Retries => self.settings.retries.into(),
-            Register::Turnaround => self.settings.turnaround_ms.into(),
             Register::DataOk => self.ended_well.into(),
             Register::DataErr => self.ended_badly.into(),
             Register::ValidData(index) => rule(RuleList::ValidData, index, V::VALID_DATA)?,
@@ -340,56 +227,9 @@ where
             Register::DisableReg(index) => rule(RuleList::DisableReg, index, V::DISABLE_REG)?,
             Register::DisableFlg(index) if index < V::DISABLE_REG => self.flags >> index & 1,
             Register::DisableFlg(_) => return Err(none(V::DISABLE_REG.into())),
-            Register::Baud => line.baud,
-            Register::Format => number(line.format),
-            Register::Duplex => line.duplex as u32,
-            Register::Flow => line.flow as u32,
-            Register::InterCharacter => match line.inter_character {
-                InterCharacter::Strict => 0,
-                InterCharacter::Off => 1,
-                InterCharacter::Gap(ms) => ms.into(),
-            },
-            Register::LateGuard => self.settings.late_guard_ms.into(),
-            Register::CtsTimeout => line.cts_timeout_ms.into(),
-            Register::RequestGap => self.settings.request_gap_ms.into(),
-            Register::DeLead => line.de_lead_us.into(),
-            Register::ResponseDelay => line.response_delay_ms.into(),
             Register::Start => self.running.into(),
+            _ => self.settings.read(register),
         })
-    }
-}
-
-fn within(value: u32, low: u32, high: u32) -> Result<u32, Reason> {
-    if value < low || value > high {
-        Err(Reason::Range(low, high))
-    } else {
-        Ok(value)
-    }
-}
-
-/// Matches rather than a table: that would be in RAM on AVR.
-fn format(number: u32) -> Option<LineFormat> {
-    Some(match number {
-        0 => LineFormat::F8N1,
-        1 => LineFormat::F8E1,
-        2 => LineFormat::F8O1,
-        3 => LineFormat::F8N2,
-        4 => LineFormat::F7E1,
-        5 => LineFormat::F7O1,
-        6 => LineFormat::F7N2,
-        _ => return None,
-    })
-}
-
-fn number(format: LineFormat) -> u32 {
-    match format {
-        LineFormat::F8N1 => 0,
-        LineFormat::F8E1 => 1,
-        LineFormat::F8O1 => 2,
-        LineFormat::F8N2 => 3,
-        LineFormat::F7E1 => 4,
-        LineFormat::F7O1 => 5,
-        LineFormat::F7N2 => 6,
     }
 }
 

@@ -17,6 +17,7 @@
 //! ```
 
 mod load;
+mod load_settings;
 mod model;
 mod refused;
 mod register;

@@ -310,8 +310,12 @@ use multidrop_firmware::protocol::server::Server;
 
 /// Checks all cases; gives what rustc said of each that failed.
 fn check(cases: &[Case]) -> BTreeMap<String, Vec<String>> {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("build_errors");
+    // Where they are now: a copied checkout may have been compiled elsewhere.
+    let here = std::env::var("CARGO_MANIFEST_DIR").expect("cargo runs the test");
+    let here = Path::new(&here);
+    let test = std::env::current_exe().expect("the test's own path");
+    let target = test.ancestors().nth(3).expect("TARGET/PROFILE/deps/TEST");
+    let folder = target.join("tmp/build_errors");
     let _ = fs::remove_dir_all(folder.join("examples"));
     fs::create_dir_all(folder.join("examples")).unwrap();
     let mut manifest = format!(

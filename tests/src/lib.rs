@@ -38,6 +38,7 @@ mod machine;
 mod node;
 mod peripherals;
 mod record;
+mod repository;
 mod time;
 mod timer1;
 mod usart;
@@ -58,5 +59,6 @@ pub use node::{Nano, Node, Stats, VECTORS, VectorStats};
 pub use record::{
     Conflict, DataEdge, DeEdge, HostId, NodeId, PinEdge, Record, Station, WireByte, WireEdge,
 };
+pub use repository::repository;
 pub use time::{Clock, Time};
 pub use usart::TxPhase;

@@ -1,8 +1,10 @@
 //! What a user gets for a wrong word or value: a message that names it and what would be right,
 //! exit code 2, and nothing built, written or left behind.
 
+mod places;
+
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Output};
 
 /// A folder of its own for one test, in which the command is run and in which it must leave nothing.
@@ -10,7 +12,7 @@ struct Folder(PathBuf);
 
 impl Folder {
     fn new(name: &str) -> Self {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("cli-{name}"));
+        let path = places::scratch().join(format!("cli-{name}"));
         let _ = fs::remove_dir_all(&path);
         fs::create_dir_all(&path).expect("a folder for the test");
         Self(path)
@@ -31,16 +33,11 @@ impl Drop for Folder {
     }
 }
 
-fn root() -> &'static Path {
-    let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
-    tests.parent().expect("the root of the repository")
-}
-
 fn xtask(folder: &Folder, words: &[&str]) -> Output {
     Command::new(env!("CARGO"))
         .current_dir(&folder.0)
         .args(["run", "--quiet", "--package", "xtask", "--manifest-path"])
-        .arg(root().join("Cargo.toml"))
+        .arg(places::root().join("Cargo.toml"))
         .arg("--")
         .args(words)
         .output()
@@ -66,7 +63,7 @@ fn assert_refusal(output: &Output, said: &[&str]) {
 
 fn assert_no_image(stem: &str) {
     for extension in ["elf", "hex"] {
-        let path = root().join(format!("target/firmware/{stem}.{extension}"));
+        let path = places::root().join(format!("target/firmware/{stem}.{extension}"));
         assert!(!path.exists(), "{} was left behind", path.display());
     }
 }

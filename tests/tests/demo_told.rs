@@ -2,10 +2,10 @@
 //! wrong is not told as if it went right, and that the bus it keeps up is a bus.
 
 mod common;
+mod places;
 
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
 use common::image;
@@ -15,7 +15,7 @@ const ESCAPE: char = '\u{1b}';
 
 /// The program itself, with nodes of these unit ids, in a folder of its own.
 fn demo(folder: &TempDir, units: &[u8]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_demo"));
+    let mut command = Command::new(places::program("demo"));
     command.current_dir(folder.path());
     plain(&mut command);
     for unit in units {
@@ -33,7 +33,7 @@ fn plain(command: &mut Command) {
 }
 
 fn folder() -> TempDir {
-    TempDir::new_in(env!("CARGO_TARGET_TMPDIR")).expect("a folder for the test")
+    TempDir::new_in(places::scratch()).expect("a folder for the test")
 }
 
 fn is_empty(folder: &TempDir) -> bool {
@@ -55,8 +55,7 @@ fn assert_says(output: &Output, parts: &[&str]) {
 #[test]
 fn the_command_tells_every_step_in_plain_text() {
     let mut command = Command::new(env!("CARGO"));
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    command.current_dir(root).args(["xtask", "demo"]);
+    command.current_dir(places::root()).args(["xtask", "demo"]);
     plain(&mut command);
     let output = command.output().expect("cargo runs");
     let (said, complained) = (text(&output.stdout), text(&output.stderr));

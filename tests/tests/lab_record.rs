@@ -2,6 +2,7 @@
 //! it: sigrok's UART and Modbus decoders, and a VCD parser.
 
 mod common;
+mod places;
 
 use std::fs::File;
 use std::path::Path;
@@ -45,7 +46,7 @@ fn sample(time: Time) -> u64 {
 }
 
 fn written(bus: &Bus, name: &str) -> std::path::PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let path = places::scratch().join(name);
     bus.write_vcd(File::create(&path).expect("a file for the test"))
         .expect("written");
     path

@@ -1,6 +1,7 @@
 //! A long record of all functions, read by sigrok's Modbus decoder: it must find in each frame what we find.
 
 mod common;
+mod places;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -108,7 +109,7 @@ fn sigrok_finds_unit_function_addresses_and_crc_as_we_do() {
         rig.bus.transact(rig.host, &[], patience);
     }
     let found = frames(rig.bus.record(), LINE);
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("sigrok-all.vcd");
+    let path = places::scratch().join("sigrok-all.vcd");
     let file = File::create(&path).expect("a file for the test");
     rig.bus.write_vcd(file).expect("written");
     let all = decoded(&path);

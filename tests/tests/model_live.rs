@@ -1,5 +1,7 @@
 //! The bus as a serial port: what becomes of the link, and what a client gets.
 
+mod places;
+
 use std::fs::{self, OpenOptions};
 use std::io::{Read, Write};
 use std::os::unix::fs::symlink;
@@ -9,8 +11,7 @@ use multidrop_bus::{Bus, BusConfig, HostPort, Line, Live, LiveError, Time};
 
 /// A path of this test's own, with nothing there.
 fn path(name: &str) -> PathBuf {
-    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR"))
-        .join(format!("live-{name}-{}", std::process::id()));
+    let path = places::scratch().join(format!("live-{name}-{}", std::process::id()));
     let _ = fs::remove_file(&path);
     path
 }

@@ -194,7 +194,7 @@ fn wrong_images_are_refused_by_name() {
     let mut bus = Bus::new(BusConfig::default());
     let missing = bus.add_nano(Nano::new("x", "no/such/file.elf"));
     assert!(matches!(missing, Err(BusError::Read { .. })));
-    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/avr/echo.S");
+    let source = support::places::package().join("avr/echo.S");
     assert!(matches!(
         bus.add_nano(Nano::new("x", source)),
         Err(BusError::NotElf { .. })

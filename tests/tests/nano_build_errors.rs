@@ -2,6 +2,8 @@
 //!
 //! Each case is an example of a package that is written for the purpose; one run of the firmware's cargo checks them all.
 
+mod places;
+
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -92,11 +94,9 @@ fn cargo() -> Command {
 
 #[test]
 fn what_the_nano_cannot_do_stops_the_build_and_says_why() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .expect("the repository");
+    let root = places::root();
     let board = root.join("board-nano");
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("nano_build_errors");
+    let folder = places::scratch().join("nano_build_errors");
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(folder.join("examples")).unwrap();
     fs::create_dir_all(folder.join(".cargo")).unwrap();

@@ -1,6 +1,7 @@
 //! The scenario `mixed`: a PC on AS1 of the STM32, the Nanos behind RS4.
 
 mod common;
+mod places;
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -34,9 +35,8 @@ fn a_pc_reads_what_was_collected_and_reaches_the_nanos() {
         .map(|unit| common::image("demo-unit", &["--unit", unit]))
         .collect();
     images.push(common::ports());
-    let link =
-        PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("mixed-{}", std::process::id()));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sim"));
+    let link = places::scratch().join(format!("mixed-{}", std::process::id()));
+    let mut command = Command::new(places::program("sim"));
     command
         .args(["mixed", "--seconds", "60", "--link"])
         .arg(&link);

@@ -259,7 +259,7 @@ mod tests {
 
     #[test]
     fn a_json_file_that_cannot_be_is_refused_before_anything_is_measured() {
-        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let here = repo::root();
         for (path, why) in [
             (here.to_owned(), "it is a folder"),
             (here.join("no/such/file.json"), "its folder is not there"),

@@ -43,7 +43,8 @@ use error::Error;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match run(cli::parse()) {
+    let command = cli::parse();
+    match repo::find_root().and_then(|_| run(command)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => error.report(),
     }

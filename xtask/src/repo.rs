@@ -3,12 +3,41 @@
 use crate::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
 
-/// The root of the repository.
+/// Files that only the root of a checkout has.
+const MARKS: &[&str] = &["xtask/Cargo.toml", "protocol/Cargo.toml"];
+
+/// The root of the repository: of the one that the command is called in, not of the one that it was built in. A checkout
+/// copied with its target folder has a command that was built in another one.
+///
+/// # Panics
+/// Outside of a checkout, which [`find_root`] tells beforehand.
 pub fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .expect("xtask lies in the repository")
+    static ROOT: OnceLock<PathBuf> = OnceLock::new();
+    ROOT.get_or_init(|| find_root().expect("called in a checkout"))
+}
+
+/// Looks for the root from the current folder upwards; then where the cargo that runs the command found its package, which
+/// is the way of `cargo run --manifest-path`.
+///
+/// # Errors
+/// [`Error::usage`] outside of a checkout.
+pub fn find_root() -> Result<PathBuf, Error> {
+    let current =
+        std::env::current_dir().map_err(|error| Error::io("the current folder", error))?;
+    let package = std::env::var_os("CARGO_MANIFEST_DIR").map(PathBuf::from);
+    let mut starts = [Some(&current), package.as_ref()].into_iter().flatten();
+    let root = starts.find_map(|start| {
+        let mut above = start.ancestors();
+        above.find(|folder| MARKS.iter().all(|mark| folder.join(mark).is_file()))
+    });
+    root.map(Path::to_path_buf).ok_or_else(|| {
+        Error::usage(format!(
+            "{} is not in a checkout of multidrop; call the command in one",
+            current.display()
+        ))
+    })
 }
 
 /// The host's cargo: the one that called us, else the first in PATH.

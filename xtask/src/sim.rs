@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn a_file_in_the_place_of_the_link_is_refused() {
-        let error = check_link(Path::new(env!("CARGO_MANIFEST_DIR"))).expect_err("a folder");
+        let error = check_link(repo::root()).expect_err("a folder");
         assert_eq!(error.code(), 2);
         assert!(error.message().contains("is not a link"));
         let error = check_link(Path::new("no/such/link")).expect_err("no folder");

@@ -12,13 +12,14 @@ mod parts;
 mod qemu;
 mod transmitter;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::bus::WireId;
 use crate::error::BusError;
 use crate::host::{Host, HostPort, RxByte};
 use crate::line::{Format, Line, Parity};
 use crate::record::{HostId, Station};
+use crate::repository::repository;
 use crate::time::{Clock, Time};
 pub use parts::{Instructions, Parts};
 use qemu::{Access, Qemu};
@@ -46,14 +47,11 @@ pub struct Stm32 {
 /// # Errors
 /// [`BusError::Machine`] if it is not there.
 pub fn barrier() -> Result<PathBuf, BusError> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let path = root.join("target/qemu/barrier.so");
-    match path.canonicalize() {
-        Ok(path) => Ok(path),
-        Err(_) => Err(BusError::Machine {
-            reason: "target/qemu/barrier.so is missing: cargo xtask setup builds it".to_owned(),
-        }),
-    }
+    let path = repository().map(|root| root.join("target/qemu/barrier.so"));
+    let path = path.filter(|path| path.is_file());
+    path.ok_or_else(|| BusError::Machine {
+        reason: "target/qemu/barrier.so is missing: cargo xtask setup builds it".to_owned(),
+    })
 }
 
 /// What a port is made of.

@@ -1,7 +1,7 @@
 //! Firmware images, built from the sources as they are now.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
@@ -24,10 +24,8 @@ fn once(key: String, build: impl FnOnce() -> PathBuf) -> PathBuf {
     built.entry(key).or_insert_with(build).clone()
 }
 
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .expect("this package lies in the repository")
+fn root() -> PathBuf {
+    multidrop_bus::repository().expect("the test is run by cargo, in the repository")
 }
 
 fn run(command: &mut Command) -> String {

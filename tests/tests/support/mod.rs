@@ -1,14 +1,17 @@
 //! Builds the small assembler programs in `avr/` and `arm/` for the tests of the models.
 #![allow(dead_code, missing_docs)]
 
-use std::path::{Path, PathBuf};
+#[path = "../places/mod.rs"]
+pub mod places;
+
+use std::path::PathBuf;
 use std::process::Command;
 
 use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Level, Line, Nano, NodeId, Pin};
 
 /// Assembles `avr/NAME.S` with symbols set, and returns the image.
 pub fn assemble(name: &str, symbols: &[(&str, u32)]) -> PathBuf {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("avr");
+    let source = places::package().join("avr");
     let mut variant = name.to_owned();
     for (symbol, value) in symbols {
         variant += &format!("-{symbol}{value}");
@@ -16,8 +19,7 @@ pub fn assemble(name: &str, symbols: &[(&str, u32)]) -> PathBuf {
     // Tests run at the same time: each call has a file of its own.
     static CALLS: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
     let call = CALLS.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-    let image = Path::new(env!("CARGO_TARGET_TMPDIR"))
-        .join(format!("{variant}-{}-{call}.elf", std::process::id()));
+    let image = places::scratch().join(format!("{variant}-{}-{call}.elf", std::process::id()));
     let mut command = Command::new("avr-gcc");
     command.args([
         "-mmcu=atmega328p",
@@ -45,8 +47,8 @@ pub fn assemble(name: &str, symbols: &[(&str, u32)]) -> PathBuf {
 
 /// Assembles `arm/NAME.S`, for the machine, and returns the image.
 pub fn assemble_arm(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("arm");
-    let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let folder = places::package().join("arm");
+    let scratch = places::scratch();
     static CALLS: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
     let call = CALLS.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
     let stem = scratch.join(format!("{name}-{}-{call}", std::process::id()));

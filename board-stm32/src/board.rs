@@ -59,6 +59,21 @@ pub fn run(init: impl FnOnce(Spawner)) -> ! {
     platform::run(init)
 }
 
+/// For tests in QEMU: TIM2, which `embassy-time` counts with, goes round in so many us. Before [`run`].
+#[cfg(feature = "qemu")]
+#[doc(hidden)]
+pub fn wrap_time_in(us: u32) {
+    platform::wrap_time_in(us);
+}
+
+/// For tests in QEMU: TIM5, which measures the silence on the lines, goes round in so many us, at most 80 s. While nothing
+/// is on any line.
+#[cfg(feature = "qemu")]
+#[doc(hidden)]
+pub fn wrap_line_timer_in(us: u32) {
+    platform::wrap_line_timer_in(us);
+}
+
 /// Makes the demonstration unit's pins, [`LEDS`], outputs, all low, and returns what puts a register on them.
 pub fn outputs() -> impl FnMut(u16) {
     let show = |outputs| registers::write_gpioc(LEDS, outputs);

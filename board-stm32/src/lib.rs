@@ -36,6 +36,9 @@ mod platform;
 
 #[cfg(target_arch = "arm")]
 pub use board::{Board, Closed, init, outputs, run};
+#[cfg(all(target_arch = "arm", feature = "qemu"))]
+#[doc(hidden)]
+pub use board::{wrap_line_timer_in, wrap_time_in};
 
 /// The timer of the lines, in ticks per second: TIM5 behind its prescaler.
 pub const TICK_HZ: u32 = if cfg!(feature = "qemu") {

@@ -47,13 +47,38 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
                 .to_owned(),
             "use of moved value: `pins.PD2`",
         ),
+        (
+            "slots",
+            format!("{WAITING}bind_time!(16_000_000, slots = 1, tasks = [poll, blink]);"),
+            "bind_time: slots is 1, must be at least 2, for that many tasks are named",
+        ),
+        (
+            "slots_none",
+            "bind_time!(16_000_000, slots = 0);".to_owned(),
+            "bind_time: slots is 0, must be 1..=32",
+        ),
+        (
+            "slots_many",
+            "bind_time!(16_000_000, slots = 33);".to_owned(),
+            "bind_time: slots is 33, must be 1..=32",
+        ),
+        (
+            "slots_right",
+            format!("{WAITING}bind_time!(16_000_000, tasks = [poll, blink]);"),
+            "",
+        ),
         ("right", port(".baud(38_400)"), ""),
     ]
 }
 
+/// Two tasks that wait for time, as far as the macro looks at them.
+const WAITING: &str = "fn poll() {}\nfn blink() {}\n";
+
 const IMPORTS: &str = "#![no_std]
-#![allow(unused_imports)]
+#![feature(abi_avr_interrupt)]
+#![allow(unused_imports, dead_code)]
 use board_nano::settings;
+use embassy_avr_hal::bind_time;
 use embassy_avr_hal::gpio::{Input, Output, PD2, Pins};
 use embassy_avr_hal::usart::{RtuOnly, Settings};
 use multidrop_firmware::PortConfig;

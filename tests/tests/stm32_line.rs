@@ -243,3 +243,44 @@ fn garbage_on_one_port_delays_another_by_one_interrupt_for_each_of_its_character
         }
     }
 }
+
+/// The counters of `wraps`: beats of 10 ms, and how late the latest was seen, in us.
+fn beats(rig: &mut Rig) -> (u16, u16) {
+    let answer = rig.ask(&words(1, 3, 0, 2));
+    assert_eq!(answer.len(), 9, "{answer:02x?}");
+    let word = |at| u16::from_be_bytes([answer[at], answer[at + 1]]);
+    (word(3), word(5))
+}
+
+#[test]
+fn answers_begin_at_t3_5_wherever_in_an_exchange_the_timer_of_the_line_goes_round() {
+    let mut rig = Rig::stm32(&stm32_example("wraps", 38_400), LINE);
+    // The request, t1.5, t3.5, and the answer with the silence behind it: some 8 ms in all.
+    for step in 0..60 {
+        // 10 ms until the beat that sees it and 10 ms more; the request comes 30 ms after this one's answer.
+        let wrap_in_us = 10_000 + step * 200;
+        rig.expect(&words(1, 6, 2, wrap_in_us), &words(1, 6, 2, wrap_in_us));
+        rig.pause(Time::from_ms(20));
+        for _ in 0..3 {
+            let answer = rig.exchange(&request()).expect("an answer");
+            let beyond = answer.turnaround().saturating_sub(LINE.t35());
+            assert!(beyond < LINE.bits(1), "{beyond}, wrap in {wrap_in_us} us");
+        }
+    }
+}
+
+#[test]
+fn time_goes_on_when_its_counter_goes_round() {
+    let mut rig = Rig::stm32(&stm32_example("wraps", 38_400), LINE);
+    let (before, _) = beats(&mut rig);
+    let from = rig.bus.now();
+    // TIM2 goes round after a second.
+    rig.pause(Time::from_s(3));
+    let (after, late_us) = beats(&mut rig);
+    let expected = (rig.bus.now() - from).ps() / Time::from_ms(10).ps();
+    assert!(
+        u64::from(after - before).abs_diff(expected) <= 1,
+        "{before}, {after}, not {expected} more"
+    );
+    assert!(late_us < 100, "{late_us} us late");
+}

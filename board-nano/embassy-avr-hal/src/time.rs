@@ -1,7 +1,8 @@
 //! A driver for `embassy-time` on Timer1's compare A.
 //!
 //! It is linked only into a binary that binds it with [`bind_time!`](crate::bind_time). Alarms are
-//! kept in a few slots; 64-bit arithmetic is left to the conversions that `embassy-time` itself makes.
+//! kept in a few slots, one for each task that waits ([`SLOTS`] if not said otherwise); 64-bit arithmetic is left to the
+//! conversions that `embassy-time` itself makes.
 //! The tick of `embassy-time` (its `tick-hz-...` feature) is scaled from the timer's with a
 //! remainder, so no time is lost at clocks such as 11.0592 MHz.
 //!
@@ -14,13 +15,18 @@ use core::task::Waker;
 use avr_device::interrupt;
 use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::{Driver, TICK_HZ};
+use multidrop_firmware::protocol::message::Message;
 
 use crate::executor::{self, TIME};
 use crate::timer1::{self, OCF1A, PRESCALER, TOV1};
 
-/// Alarms at a time. A task that finds no free slot is woken at once and tries again: it costs time
-/// asleep, not correctness.
-const SLOTS: usize = 4;
+/// How many tasks may wait at a time, if [`bind_time!`](crate::bind_time) is not told otherwise; 8 bytes of RAM each. A task
+/// counts once, however many timers it waits for. One that finds no free slot is woken at once and tries again: it is
+/// in time all the same, but meanwhile the CPU does not sleep.
+pub const SLOTS: usize = 4;
+
+/// The most slots there can be: all are looked through for each alarm.
+pub const SLOTS_MAX: usize = 32;
 
 /// How far ahead an alarm is set at most, in ticks of `embassy-time`. A later one wakes its task early,
 /// and the task asks again.
@@ -32,10 +38,10 @@ struct Alarm {
 }
 
 /// The alarms. Tasks and the executor's loop use them, one after the other.
-struct Alarms(UnsafeCell<[Option<Alarm>; SLOTS]>);
+struct Alarms<const SLOTS: usize>(UnsafeCell<[Option<Alarm>; SLOTS]>);
 
 // SAFETY: see above; interrupts stay away.
-unsafe impl Sync for Alarms {}
+unsafe impl<const SLOTS: usize> Sync for Alarms<SLOTS> {}
 
 /// A moment, as it is read with interrupts off.
 struct Moment {
@@ -46,16 +52,16 @@ struct Moment {
     count: u16,
 }
 
-/// The driver for a CPU clock of `CLOCK_HZ`.
-pub struct TimeDriver<const CLOCK_HZ: u32> {
+/// The driver for a CPU clock of `CLOCK_HZ` and `SLOTS` tasks that wait at a time.
+pub struct TimeDriver<const CLOCK_HZ: u32, const SLOTS: usize> {
     /// Time at the last overflow of Timer1, in ticks of `embassy-time`.
     base: Mutex<Cell<u64>>,
     /// What of it was not a whole tick, in parts of `DENOMINATOR`.
     remainder: Mutex<Cell<u32>>,
-    alarms: Alarms,
+    alarms: Alarms<SLOTS>,
 }
 
-impl<const CLOCK_HZ: u32> TimeDriver<CLOCK_HZ> {
+impl<const CLOCK_HZ: u32, const SLOTS: usize> TimeDriver<CLOCK_HZ, SLOTS> {
     const NUMERATOR: u32 = TICK_HZ as u32 / common(TICK_HZ as u32, CLOCK_HZ / PRESCALER);
     const DENOMINATOR: u32 = CLOCK_HZ / PRESCALER / common(TICK_HZ as u32, CLOCK_HZ / PRESCALER);
     /// `embassy-time` must not tick faster than the timer, and a whole turn of the timer, scaled,
@@ -69,12 +75,23 @@ impl<const CLOCK_HZ: u32> TimeDriver<CLOCK_HZ> {
     const TURN: u32 = 0x1_0000 * Self::NUMERATOR / Self::DENOMINATOR;
     const TURN_REST: u32 = 0x1_0000 * Self::NUMERATOR % Self::DENOMINATOR;
 
-    /// A driver for a `static`; see [`bind_time!`](crate::bind_time).
+    const SLOTS_FIT: () = if SLOTS == 0 || SLOTS > SLOTS_MAX {
+        Message::new()
+            .text("bind_time: slots is ")
+            .number(SLOTS as u32)
+            .text(", must be 1..=")
+            .number(SLOTS_MAX as u32)
+            .fail()
+    };
+
+    /// A driver for a `static`, whose time begins at `begin` ticks of `embassy-time`; see
+    /// [`bind_time!`](crate::bind_time).
     #[doc(hidden)]
-    pub const fn new() -> Self {
+    pub const fn new(begin: u64) -> Self {
         const { Self::SCALE_FITS }
+        const { Self::SLOTS_FIT }
         Self {
-            base: Mutex::new(Cell::new(0)),
+            base: Mutex::new(Cell::new(begin)),
             remainder: Mutex::new(Cell::new(0)),
             alarms: Alarms(UnsafeCell::new([const { None }; SLOTS])),
         }
@@ -126,9 +143,10 @@ impl<const CLOCK_HZ: u32> TimeDriver<CLOCK_HZ> {
         critical_section::with(|cs| {
             let mut count = timer1::now();
             if timer1::registers().tifr1().read().bits() & TOV1 != 0 {
-                // The turn is over but its interrupt has not run; the count may be from before it.
+                // The turn is over but its interrupt has not run, and will not; the count may be from before it.
                 timer1::clear(TOV1);
                 self.turn(cs);
+                executor::set(TIME);
                 count = timer1::now();
             }
             Moment {
@@ -187,13 +205,7 @@ impl<const CLOCK_HZ: u32> TimeDriver<CLOCK_HZ> {
     }
 }
 
-impl<const CLOCK_HZ: u32> Default for TimeDriver<CLOCK_HZ> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl<const CLOCK_HZ: u32> Driver for TimeDriver<CLOCK_HZ> {
+impl<const CLOCK_HZ: u32, const SLOTS: usize> Driver for TimeDriver<CLOCK_HZ, SLOTS> {
     fn now(&self) -> u64 {
         let moment = self.moment();
         moment.base + u64::from(Self::since_turn(&moment))
@@ -208,7 +220,8 @@ impl<const CLOCK_HZ: u32> Driver for TimeDriver<CLOCK_HZ> {
         let since = Self::since_turn(&moment);
         let left = at.saturating_sub(moment.base + u64::from(since));
         let left = u32::try_from(left).unwrap_or(HORIZON).min(HORIZON);
-        let at = (moment.base as u32).wrapping_add(since).wrapping_add(left);
+        let now = (moment.base as u32).wrapping_add(since);
+        let at = now.wrapping_add(left);
         {
             // SAFETY: see `Alarms`; nothing that is called here comes back here.
             let alarms = unsafe { &mut *self.alarms.0.get() };
@@ -216,11 +229,12 @@ impl<const CLOCK_HZ: u32> Driver for TimeDriver<CLOCK_HZ> {
             let slot = match alarms.iter_mut().find(own) {
                 Some(slot) => {
                     // A task may wait for several times at once: the soonest counts, at that one
-                    // it asks for the others again.
-                    if let Some(alarm) = slot
-                        && at.wrapping_sub(alarm.at) < HORIZON
-                    {
-                        return;
+                    // it asks for the others again. One that is due and has not been seen to is sooner than any.
+                    if let Some(alarm) = slot {
+                        let before = alarm.at.wrapping_sub(now);
+                        if before <= left || before > HORIZON {
+                            return;
+                        }
                     }
                     slot
                 }
@@ -246,12 +260,57 @@ const fn common(mut a: u32, mut b: u32) -> u32 {
     a
 }
 
+/// Stops the build if `tasks` tasks wait for time and `slots` is less.
+#[doc(hidden)]
+pub const fn check_slots(slots: usize, tasks: usize) {
+    if tasks > slots {
+        Message::new()
+            .text("bind_time: slots is ")
+            .number(slots as u32)
+            .text(", must be at least ")
+            .number(tasks as u32)
+            .text(", for that many tasks are named")
+            .fail()
+    }
+}
+
 /// Makes `embassy-time` work in this binary, at a CPU clock of the given Hz: defines the driver and binds its
 /// two interrupts (DS 12.4: vectors 11 and 13, counted from 0). It defines `run_with_time(init)`, which stands in for
 /// [`executor::run`](crate::executor::run()): the time begins with it.
+///
+/// | written | gives |
+/// |---|---|
+/// | `bind_time!(CLOCK_HZ)` | [`SLOTS`](crate::time::SLOTS) slots |
+/// | `bind_time!(CLOCK_HZ, slots = 6)` | room for six tasks that wait at a time, 1..=32 |
+/// | `bind_time!(CLOCK_HZ, tasks = [poll, blink])` | a slot for each of these tasks |
+/// | `bind_time!(CLOCK_HZ, slots = 2, tasks = [poll, blink])` | the same, and a build error where more tasks are named than there are slots |
+///
+/// Name every task that waits for a time, which those do that ask as a client: a compiler cannot see it by itself. A
+/// task with a `pool_size` is named that many times.
 #[macro_export]
 macro_rules! bind_time {
-    ($clock_hz:expr) => {
+    ($clock_hz:expr $(,)?) => {
+        $crate::bind_time!($clock_hz, slots = $crate::time::SLOTS);
+    };
+    ($clock_hz:expr, tasks = [$($task:path),+ $(,)?] $(,)?) => {
+        $crate::bind_time!($clock_hz, slots = [$(stringify!($task)),+].len(), tasks = [$($task),+]);
+    };
+    ($clock_hz:expr, slots = $slots:expr, tasks = [$($task:path),+ $(,)?] $(,)?) => {
+        const _: () = {
+            // Each is a function of this binary.
+            $(let _ = $task;)+
+            $crate::time::check_slots($slots, [$(stringify!($task)),+].len());
+        };
+        $crate::bind_time!($clock_hz, slots = $slots);
+    };
+    ($clock_hz:expr, slots = $slots:expr $(,)?) => {
+        $crate::bind_time!(@driver $clock_hz, $slots, 0);
+    };
+    // For tests: the time begins at this tick.
+    ($clock_hz:expr, slots = $slots:expr, begin = $begin:expr) => {
+        $crate::bind_time!(@driver $clock_hz, $slots, $begin);
+    };
+    (@driver $clock_hz:expr, $slots:expr, $begin:expr) => {
         use time_interrupts::run_with_time;
 
         #[doc(hidden)]
@@ -259,7 +318,8 @@ macro_rules! bind_time {
             use super::*;
 
             $crate::time::time_driver_impl!(
-                static DRIVER: $crate::time::TimeDriver<{ $clock_hz }> = $crate::time::TimeDriver::new()
+                static DRIVER: $crate::time::TimeDriver<{ $clock_hz }, { $slots }> =
+                    $crate::time::TimeDriver::new($begin)
             );
 
             pub fn run_with_time(init: impl FnOnce($crate::time::Spawner)) -> ! {

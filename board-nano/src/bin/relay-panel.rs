@@ -52,7 +52,7 @@ const COUNT: usize = 2;
 const FIRST: u16 = 1;
 
 bind_usart0!(Rs485);
-bind_time!(CLOCK_HZ);
+bind_time!(CLOCK_HZ, tasks = [poll, press, buttons, error]);
 
 /// Two tasks ask.
 type Port = ClientPort<Rs485, 2>;

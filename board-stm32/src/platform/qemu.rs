@@ -247,6 +247,22 @@ impl Clock {
     }
 }
 
+/// For tests: TIM2 goes round in so many us. Before tasks run.
+pub(crate) fn wrap_time_in(us: u32) {
+    TIM2.cnt().write(|w| *w = us.wrapping_neg());
+}
+
+/// For tests: TIM5 goes round in so many us. While no port has an alarm on.
+pub(crate) fn wrap_line_timer_in(us: u32) {
+    critical_section::with(|cs| {
+        TIM5.cnt()
+            .write(|w| *w = (us * (TICK_HZ / 1_000_000)).wrapping_neg());
+        // The alarm of `embassy-time` is one of TIM5's.
+        CLOCK.borrow_ref_mut(cs).look();
+        alarms().set_timer();
+    });
+}
+
 struct Driver;
 
 impl embassy_time_driver::Driver for Driver {

@@ -2,6 +2,9 @@
 //!
 //! A byte is in place when its programming time is over. Losing power before that leaves the byte
 //! erased; a reset does not disturb it (8.4.2).
+//!
+//! The data sheet tells in which order the registers are to be used, and not what comes of another one. What a firmware
+//! does beside it is kept as a [`Misuse`].
 
 use crate::elf::EEPROM_BYTES;
 
@@ -18,6 +21,28 @@ const MASTER_ENABLE: u64 = 4;
 const READ_HALT: u64 = 4;
 const WRITE_HALT: u64 = 2;
 
+/// Something that the data sheet does not allow for: what silicon does then is not known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Misuse {
+    /// The cycle of the node's clock in which it was done.
+    pub at: u64,
+    /// What was done.
+    pub what: MisuseKind,
+}
+
+/// See [`Misuse`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MisuseKind {
+    /// A 0 was written to EEPE while a byte was being written (8.6.3: hardware clears it).
+    WriteEnableCleared,
+    /// EEAR was written while a byte was being written (8.6.3, EERE).
+    AddressChanged,
+    /// A byte was read while another was being written (8.6.3, EERE).
+    ReadWhileWriting,
+    /// EEPE was set without EEMPE in the four cycles before it (8.6.3, EEMPE).
+    NotEnabled,
+}
+
 #[derive(Debug)]
 pub(crate) struct Eeprom {
     pub cells: Vec<u8>,
@@ -29,6 +54,7 @@ pub(crate) struct Eeprom {
     enabled_until: Option<u64>,
     /// The write in progress: when it ends, where, what.
     writing: Option<(u64, usize, u8)>,
+    pub misuses: Vec<Misuse>,
 }
 
 impl Eeprom {
@@ -41,6 +67,7 @@ impl Eeprom {
             control: 0,
             enabled_until: None,
             writing: None,
+            misuses: Vec::new(),
         }
     }
 
@@ -90,8 +117,14 @@ impl Eeprom {
     pub fn write(&mut self, address: u16, value: u8, at: u64) -> u64 {
         self.sync(at);
         match address {
-            0x3f => return self.command(value, at),
+            0x3f => {
+                if value & EEPE == 0 && self.writing.is_some() {
+                    self.misuse(at, MisuseKind::WriteEnableCleared);
+                }
+                return self.command(value, at);
+            }
             0x40 => self.data = value,
+            0x41 | 0x42 if self.writing.is_some() => self.misuse(at, MisuseKind::AddressChanged),
             0x41 => self.address = self.address & 0xff00 | u16::from(value),
             0x42 => self.address = self.address & 0xff | u16::from(value) << 8,
             _ => {}
@@ -99,8 +132,33 @@ impl Eeprom {
         0
     }
 
+    /// `sbi` or `cbi` on EECR, which change one bit and no other (note to the register summary).
+    pub fn write_bit(&mut self, bit: u8, set: bool, at: u64) -> u64 {
+        self.sync(at);
+        let mask = 1 << bit;
+        match mask {
+            EEMPE | EEPE | EERE if set => return self.command(self.control | mask, at),
+            EEMPE => self.enabled_until = None,
+            EEPE if self.writing.is_some() => self.misuse(at, MisuseKind::WriteEnableCleared),
+            EEPE | EERE => {}
+            _ if set => self.control |= mask & (EEPM | EERIE),
+            _ => self.control &= !mask,
+        }
+        0
+    }
+
+    fn misuse(&mut self, at: u64, what: MisuseKind) {
+        self.misuses.push(Misuse { at, what });
+    }
+
     fn command(&mut self, value: u8, at: u64) -> u64 {
-        self.control = value & (EEPM | EERIE);
+        let kept = if self.writing.is_some() {
+            // 8.6.3: while EEPE is set, writes to EEPM are ignored.
+            self.control & EEPM | value & EERIE
+        } else {
+            value & (EEPM | EERIE)
+        };
+        self.control = kept;
         let cell = usize::from(self.address) % EEPROM_BYTES;
         let enabled = self.enabled_until.take().is_some_and(|until| at <= until);
         if value & EEPE != 0 && enabled && self.writing.is_none() {
@@ -114,11 +172,18 @@ impl Eeprom {
             self.writing = Some((end, cell, result));
             return WRITE_HALT;
         }
+        if value & EEPE != 0 && self.writing.is_none() {
+            self.misuse(at, MisuseKind::NotEnabled);
+        }
         if value & EEMPE != 0 {
             self.enabled_until = Some(at + MASTER_ENABLE);
         }
         // 8.6.3: no reading while a write is in progress.
-        if value & EERE != 0 && self.writing.is_none() {
+        if value & EERE != 0 {
+            if self.writing.is_some() {
+                self.misuse(at, MisuseKind::ReadWhileWriting);
+                return 0;
+            }
             self.data = self.cells[cell];
             return READ_HALT;
         }

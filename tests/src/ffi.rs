@@ -46,8 +46,8 @@ const BAD_OPCODE: usize = 0;
 pub(crate) trait Peripherals: 'static {
     /// Data-memory addresses that are read and written through this.
     const REGISTERS: &'static [u16];
-    /// Of those, flag registers where `sbi` acts on one bit alone (DS40002061B, notes of the
-    /// register summary).
+    /// Of those, the ones where `sbi` and `cbi` do not come down to reading all bits and writing them back (DS40002061B,
+    /// notes of the register summary).
     const SINGLE_BIT: &'static [u16];
 
     /// The value of a register in cycle `at`.
@@ -55,6 +55,8 @@ pub(crate) trait Peripherals: 'static {
     /// A value written to a register at clock edge `at`. Returns for how many cycles the CPU is
     /// halted by that.
     fn write(&mut self, address: u16, value: u8, at: u64) -> u64;
+    /// The same of one bit of a register of [`SINGLE_BIT`](Self::SINGLE_BIT), set or cleared.
+    fn write_bit(&mut self, address: u16, bit: u8, set: bool, at: u64) -> u64;
     /// The core met an opcode it does not know.
     fn bad_opcode(&mut self);
 }
@@ -387,9 +389,7 @@ unsafe extern "C" fn on_bit_write<P: Peripherals>(
         let opcode = opcode_at(avr, (*avr).pc);
         let address = IO_BASE + (opcode >> 3 & 0x1f);
         let at = (*avr).cycle + 2;
-        if value != 0 {
-            (*avr).cycle += (*param.cast::<P>()).write(address, 1 << bit, at);
-        }
+        (*avr).cycle += (*param.cast::<P>()).write_bit(address, bit, value != 0, at);
         (*avr).run_cycle_count = 0;
     }
     1

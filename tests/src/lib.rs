@@ -46,6 +46,7 @@ mod vcd;
 mod wire;
 
 pub use bus::{Answer, Bus, BusConfig, WireId};
+pub use eeprom::{Misuse, MisuseKind};
 pub use elf::DataSymbol;
 pub use error::BusError;
 pub use faults::{Campaign, Damage, Fault, Random, received};

@@ -8,7 +8,7 @@
 
 use std::path::PathBuf;
 
-use crate::eeprom::Eeprom;
+use crate::eeprom::{Eeprom, Misuse};
 use crate::elf::{DataSymbol, Image};
 use crate::error::BusError;
 use crate::ffi::{Core, DATA_BYTES};
@@ -445,6 +445,11 @@ impl Node {
     /// The EEPROM's 1024 bytes.
     pub fn eeprom_mut(&mut self) -> &mut [u8] {
         &mut self.core.periph_mut().eeprom.cells
+    }
+
+    /// What the firmware did with the EEPROM that the data sheet does not allow for, since the bus was made.
+    pub fn eeprom_misuses(&self) -> &[Misuse] {
+        &self.core.periph().eeprom.misuses
     }
 
     /// One past the last static variable (the linker's `_end`), or the start of SRAM.

@@ -157,7 +157,7 @@ impl Peripherals for Nano328 {
         0xc0, 0xc1, 0xc2, 0xc4, 0xc5, 0xc6, // USART0
         0x3f, 0x40, 0x41, 0x42, // EEPROM
     ];
-    const SINGLE_BIT: &'static [u16] = &[0x23, 0x26, 0x29, 0x36, 0x3b];
+    const SINGLE_BIT: &'static [u16] = &[0x23, 0x26, 0x29, 0x36, 0x3b, 0x3f];
 
     fn read(&mut self, address: u16, at: u64) -> u8 {
         match address {
@@ -186,6 +186,15 @@ impl Peripherals for Nano328 {
             self.put_out_pins(at);
         }
         0
+    }
+
+    fn write_bit(&mut self, address: u16, bit: u8, set: bool, at: u64) -> u64 {
+        match (address, set) {
+            (0x3f, _) => self.eeprom.write_bit(bit, set, at),
+            // A one in a flag register clears that flag, in PINx it toggles that pin; a zero does nothing.
+            (_, true) => self.write(address, 1 << bit, at),
+            (_, false) => 0,
+        }
     }
 
     fn bad_opcode(&mut self) {

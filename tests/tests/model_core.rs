@@ -3,7 +3,7 @@
 
 mod support;
 
-use multidrop_bus::{Level, Line, Pin, Time};
+use multidrop_bus::{Level, Line, MisuseKind, Pin, Time};
 use support::{edges, one, rise};
 
 const LINE: Line = Line::n81(38_400);
@@ -226,4 +226,27 @@ fn losing_power_in_an_eeprom_write_loses_the_byte_and_a_reset_does_not() {
         bus.run_for(Time::from_ms(2));
         assert_eq!(bus.node(node).eeprom()[0x123], expected);
     }
+}
+
+#[test]
+fn what_the_data_sheet_does_not_allow_for_is_kept() {
+    use MisuseKind::{AddressChanged, NotEnabled, ReadWhileWriting, WriteEnableCleared};
+    let (mut bus, node, _) = one("eeprom", &[], LINE);
+    bus.run_for(Time::from_ms(4));
+    assert_eq!(bus.node(node).eeprom_misuses(), []);
+
+    let (mut bus, node, _) = one("eeprom_misuse", &[], LINE);
+    bus.run_for(Time::from_ms(4));
+    let seen = bus.node(node).eeprom_misuses().iter();
+    let seen: Vec<_> = seen.map(|misuse| misuse.what).collect();
+    let expected = [
+        NotEnabled,
+        WriteEnableCleared,
+        WriteEnableCleared,
+        AddressChanged,
+        ReadWhileWriting,
+    ];
+    assert_eq!(seen, expected);
+    // The write itself is not disturbed by it.
+    assert_eq!(bus.node(node).eeprom()[0x23], 0x5a);
 }

@@ -111,6 +111,7 @@ fn boots_counts_in_the_eeprom_through_reset_and_power_cut() {
         bus.run_for(Time::from_ms(50));
         assert_eq!(count(&bus, node), (boot as u8 % 64, boot));
     }
+    assert_eq!(bus.node(node).eeprom_misuses(), []);
     let others = bus.node(node).eeprom().iter().enumerate();
     for (address, byte) in others.filter(|(address, _)| !(16..18).contains(address)) {
         assert_eq!(*byte, 0xff, "at {address}");

@@ -4,6 +4,7 @@
 //! that hold the right value already are skipped: each cell stands 100 000 writes. Interrupts are bound
 //! by [`bind_eeprom!`](crate::bind_eeprom).
 
+use core::arch::asm;
 use core::future::poll_fn;
 use core::task::Poll;
 
@@ -15,7 +16,6 @@ use crate::pac::EEPROM;
 pub const SIZE: u16 = 1024;
 
 /// Bits of EECR (DS 8.6.3).
-const EERIE: u8 = 1 << 3;
 const EEMPE: u8 = 1 << 2;
 const EEPE: u8 = 1 << 1;
 const EERE: u8 = 1 << 0;
@@ -82,8 +82,7 @@ impl Eeprom {
                 return Poll::Ready(());
             }
             READY.register(context.waker());
-            // Level-triggered (DS 8.6.3): if the write has ended by now it interrupts at once.
-            self.control(EERIE);
+            interrupt_when_ready(true);
             Poll::Pending
         })
         .await;
@@ -108,6 +107,7 @@ impl Eeprom {
         });
     }
 
+    /// While no write is under way: a 0 in EEPE has no place there then (DS 8.6.3).
     fn control(&self, bits: u8) {
         // SAFETY: mode bits 0: erase and write in one operation; the rest as named above.
         self.registers.eecr().write(|w| unsafe { w.bits(bits) });
@@ -119,9 +119,22 @@ impl Eeprom {
     /// From the EE READY interrupt only.
     #[doc(hidden)]
     pub unsafe fn on_ready() {
-        // SAFETY: only the interrupt enable bit is changed; a write is not under way.
-        unsafe { (*EEPROM::ptr()).eecr().write(|w| w.bits(0)) };
+        interrupt_when_ready(false);
         READY.wake();
+    }
+}
+
+/// Lets EE READY interrupt as soon as no write is under way, or never. The interrupt is level-triggered (DS 8.6.3, EERIE): if the
+/// write has ended by now it comes at once. `sbi` and `cbi` change this one bit (DS, notes to the register summary): a write of
+/// the whole register would put a 0 into EEPE while a byte is being written.
+fn interrupt_when_ready(on: bool) {
+    // SAFETY: EERIE, bit 3 of EECR (I/O 0x1F), is used here only.
+    unsafe {
+        if on {
+            asm!("sbi 0x1F, 3", options(nomem, nostack, preserves_flags));
+        } else {
+            asm!("cbi 0x1F, 3", options(nomem, nostack, preserves_flags));
+        }
     }
 }
 

@@ -7,13 +7,13 @@ use crate::image::{App, Board, Format, Image, Options};
 use crate::needs::Purpose;
 use crate::sim::Scenario;
 use crate::tally::{Counts, Tally};
-use crate::{bench, python, repo, setup};
+use crate::{bench, mutants, python, repo, setup};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
 /// The packages whose tests run as debug builds, with overflow checks; the simulated bus is too slow
 /// without optimisation.
-const SIMULATED: &str = "multidrop-bus";
+pub const SIMULATED: &str = "multidrop-bus";
 
 /// Which stream a tool prints its summary to.
 enum Summary {
@@ -105,6 +105,14 @@ fn run_all(tally: &mut Tally) {
     for (name, mut command) in crate::fuzz::checks() {
         check(tally, &name, &mut command);
     }
+    headline("planted faults that tests on the host must see");
+    let seen = mutants::plant_on_host();
+    match &seen {
+        Ok(count) => println!("{count} caught"),
+        Err(error) => println!("{}", error.message()),
+    }
+    tally.check("planted faults", seen.is_ok());
+    println!("{}", mutants::summary());
     let mut bus = repo::cargo_in_root(&["test", "--no-fail-fast", "--release"]);
     bus.args(["--package", SIMULATED]);
     run_tests(tally, "tests on the simulated bus", bus, Summary::Rust);

@@ -1,6 +1,7 @@
 //! The words and options of the command line, and the answer to wrong ones.
 
 use crate::image::{App, Board, Format, Options};
+use crate::mutants::MutantsRequest;
 use crate::sim::Scenario;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
@@ -51,6 +52,11 @@ pub enum Command {
         #[arg(long)]
         baud: Option<u32>,
     },
+    /// Plant faults in the code and show which of them no test sees; exit 1 if one of the kept list is not.
+    ///
+    /// A sample of cargo-mutants over protocol and firmware, or what changed since a revision, tested by the tests of the mutated crate;
+    /// and the kept list of tests/planted over everything.
+    Mutants(MutantsRequest),
     /// Write an image to a board.
     Flash(FlashRequest),
     /// Measure sizes, turnaround, jitter, interrupts, sleep and limits on the simulated bus.
@@ -228,7 +234,7 @@ mod tests {
         let text = unknown_command(&refusal(&["biuld"]));
         assert_eq!(
             text,
-            "error: there is no command 'biuld'; the commands are: setup, build, sim, demo, test, flash, bench"
+            "error: there is no command 'biuld'; the commands are: setup, build, sim, demo, test, mutants, flash, bench"
         );
     }
 

@@ -14,6 +14,7 @@ mod flash;
 mod fuzz;
 mod image;
 mod machine;
+mod mutants;
 mod needs;
 mod python;
 mod repo;
@@ -59,6 +60,7 @@ fn run(command: Command) -> Result<(), Error> {
         Command::Sim(request) => sim::run(&request),
         Command::Demo { hold } => demo::run(hold),
         Command::Test => check::run(),
+        Command::Mutants(request) => mutants::run(&request),
         Command::Flash(request) => flash::run(&request),
         Command::Bench {
             json,

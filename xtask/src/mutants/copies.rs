@@ -1,0 +1,230 @@
+//! Copies of the repository in which faults are planted, two at a time, with what was built of them before.
+
+use super::planted::{Fault, Test, planted};
+use crate::error::Error;
+use crate::repo;
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::Read;
+use std::os::unix::fs::symlink;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// How long a test may take with a fault in it, the build aside as far as it is there.
+const PATIENCE: Duration = Duration::from_secs(600);
+
+/// What set-up put below `target/`: the copies share it.
+const SHARED: [&str; 2] = ["python", "qemu"];
+
+/// One copy of the repository.
+pub struct Copy {
+    folder: PathBuf,
+}
+
+/// How a test ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It was built, run, and passed.
+    Passed,
+    /// It was built, run, and failed.
+    Failed,
+    /// It did not end.
+    Hung,
+    /// It was not built, or no test has that name.
+    NotRun,
+}
+
+impl Copy {
+    /// The copy with this number, as the work tree is now. What was built in it before stays.
+    ///
+    /// # Errors
+    /// [`Error::failed`] where a file cannot be read or written.
+    pub fn new(number: usize) -> Result<Self, Error> {
+        let folder = repo::root().join(format!("target/mutants/copy-{number}"));
+        let target = folder.join("target");
+        fs::create_dir_all(&target).map_err(|error| Error::io(target.display(), error))?;
+        for shared in SHARED {
+            let (from, link) = (
+                repo::root().join("target").join(shared),
+                target.join(shared),
+            );
+            if from.exists() && !link.exists() {
+                symlink(&from, &link).map_err(|error| Error::io(link.display(), error))?;
+            }
+        }
+        let copy = Self { folder };
+        copy.refresh()?;
+        Ok(copy)
+    }
+
+    /// Makes every file what it is in the work tree. One that is so already keeps its date, and is not built again.
+    fn refresh(&self) -> Result<(), Error> {
+        let files = listed(repo::root())?;
+        for file in &files {
+            let (from, to) = (repo::root().join(file), self.folder.join(file));
+            let contents = fs::read(&from).map_err(|error| Error::io(from.display(), error))?;
+            if fs::read(&to).is_ok_and(|old| old == contents) {
+                continue;
+            }
+            let parent = to.parent().expect("a file in a folder");
+            fs::create_dir_all(parent).map_err(|error| Error::io(parent.display(), error))?;
+            fs::copy(&from, &to).map_err(|error| Error::io(to.display(), error))?;
+        }
+        let mut there = Vec::new();
+        crate::firmware::collect_files(&self.folder, &mut there)
+            .map_err(|error| Error::io(self.folder.display(), error))?;
+        for path in there {
+            let known = path
+                .strip_prefix(&self.folder)
+                .is_ok_and(|file| files.contains(file));
+            if !known {
+                fs::remove_file(&path).map_err(|error| Error::io(path.display(), error))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs a test with this fault planted, and takes the fault out again.
+    ///
+    /// # Errors
+    /// [`Error::failed`] where the fault does not apply, or a file cannot be written.
+    pub fn try_fault(&self, fault: &Fault) -> Result<Verdict, Error> {
+        let path = self.folder.join(&fault.file);
+        let text = fs::read_to_string(&path).map_err(|error| Error::io(path.display(), error))?;
+        let write =
+            |text: &str| fs::write(&path, text).map_err(|error| Error::io(path.display(), error));
+        write(&planted(fault, &text)?)?;
+        let verdict = self.run(&fault.test);
+        write(&text)?;
+        verdict
+    }
+
+    /// Runs a test.
+    ///
+    /// # Errors
+    /// [`Error::failed`] where cargo cannot be started.
+    pub fn run(&self, test: &Test) -> Result<Verdict, Error> {
+        let mut cargo = repo::cargo();
+        cargo
+            .current_dir(&self.folder)
+            .args(["test", "--package", &test.package])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            // Whatever it started ends with it.
+            .process_group(0);
+        if !test.is_on_host() {
+            cargo.arg("--release");
+        }
+        match &test.target {
+            Some(target) => cargo.args(["--test", target]),
+            None => cargo.arg("--lib"),
+        };
+        cargo.arg(&test.name);
+        let mut child = cargo.spawn().map_err(|error| Error::io("cargo", error))?;
+        let mut stdout = child.stdout.take().expect("it is piped");
+        let reader = std::thread::spawn(move || {
+            let mut printed = Vec::new();
+            let _ = stdout.read_to_end(&mut printed);
+            String::from_utf8_lossy(&printed).into_owned()
+        });
+        let begun = Instant::now();
+        let status = loop {
+            match child.try_wait() {
+                Ok(Some(status)) => break Some(status),
+                Ok(None) if begun.elapsed() < PATIENCE => {
+                    std::thread::sleep(Duration::from_millis(50));
+                }
+                Ok(None) => break None,
+                Err(error) => return Err(Error::io("cargo", error)),
+            }
+        };
+        if status.is_none() {
+            kill_group(child.id());
+            let _ = child.wait();
+        }
+        let printed = reader.join().unwrap_or_default();
+        Ok(match status {
+            None => Verdict::Hung,
+            Some(status) => verdict(status.success(), &printed),
+        })
+    }
+}
+
+/// What cargo's exit and its output say.
+fn verdict(succeeded: bool, printed: &str) -> Verdict {
+    if printed.contains("test result: FAILED") {
+        Verdict::Failed
+    } else if succeeded && !printed.contains("test result: ok. 0 passed") {
+        Verdict::Passed
+    } else if !succeeded && printed.contains("\nrunning ") && !printed.contains("test result: ok") {
+        // The whole process went down, such as by an abort.
+        Verdict::Failed
+    } else {
+        Verdict::NotRun
+    }
+}
+
+fn kill_group(leader: u32) {
+    let _ = Command::new("kill")
+        .args(["-9", "--", &format!("-{leader}")])
+        .status();
+}
+
+/// Every file that git knows or would take, from `root`.
+fn listed(root: &Path) -> Result<BTreeSet<PathBuf>, Error> {
+    let output = Command::new("git")
+        .current_dir(root)
+        .args([
+            "ls-files",
+            "-z",
+            "--cached",
+            "--others",
+            "--exclude-standard",
+        ])
+        .output()
+        .map_err(|error| Error::io("git", error))?;
+    if !output.status.success() {
+        return Err(Error::failed(
+            "git ls-files failed: mutants need a checkout",
+        ));
+    }
+    let names = String::from_utf8_lossy(&output.stdout);
+    let files = names.split('\0').filter(|name| !name.is_empty());
+    Ok(files
+        .map(PathBuf::from)
+        .filter(|file| root.join(file).is_file())
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_test_that_ran_has_a_say() {
+        for (succeeded, printed, expected) in [
+            (
+                true,
+                "\nrunning 1 test\ntest result: ok. 1 passed; 0 failed",
+                Verdict::Passed,
+            ),
+            (
+                true,
+                "\nrunning 0 tests\ntest result: ok. 0 passed; 0 failed",
+                Verdict::NotRun,
+            ),
+            (
+                false,
+                "\nrunning 2 tests\ntest result: FAILED. 1 passed; 1 failed",
+                Verdict::Failed,
+            ),
+            (false, "\nrunning 1 test\n", Verdict::Failed),
+            (false, "error[E0308]: mismatched types", Verdict::NotRun),
+        ] {
+            assert_eq!(verdict(succeeded, printed), expected, "{printed}");
+        }
+    }
+}

@@ -1,0 +1,274 @@
+//! Mutants that cargo-mutants makes of `protocol` and `firmware`: a sample, or those of what was changed.
+
+use super::Score;
+use crate::error::Error;
+use crate::repo;
+use serde::Deserialize;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// The crates that are mutated, each tested by its own tests on the host.
+const PACKAGES: [&str; 2] = ["multidrop-protocol", "multidrop-firmware"];
+
+/// The release of cargo-mutants that was tried.
+const VERSION: &str = "27.1.0";
+
+/// How long the tests of a mutant may take.
+const SECONDS: u32 = 60;
+
+/// Mutants that no test can see, each with the reason; from the root of the repository.
+pub const EQUIVALENT: &str = "tests/equivalent_mutants.toml";
+
+/// Which mutants.
+#[derive(Clone, Copy)]
+pub enum Which<'a> {
+    /// So many, by this seed.
+    Sample(u32, u64),
+    /// Those in lines that have changed since this revision.
+    Since(&'a str),
+}
+
+#[derive(Deserialize)]
+struct Mutant {
+    name: String,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct List {
+    equivalent: Vec<Equivalent>,
+}
+
+/// A mutant that does what the code does.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Equivalent {
+    /// As cargo-mutants names it, without line and column.
+    mutant: String,
+    /// Why no test can see it.
+    why: String,
+}
+
+/// Runs them and shows what no test saw.
+///
+/// # Errors
+/// [`Error::usage`] where cargo-mutants is missing or the revision is not known, [`Error::failed`] where it cannot do its work.
+pub fn run(which: Which<'_>) -> Result<Score, Error> {
+    let made = repo::root().join("target/mutants");
+    fs::create_dir_all(&made).map_err(|error| Error::io(made.display(), error))?;
+    let mut listing = mutants(&["--list", "--json"])?;
+    if let Which::Since(revision) = which {
+        listing.arg("--in-diff").arg(diff(revision, &made)?);
+    }
+    let listed = output(&mut listing)?;
+    let mut names: Vec<_> = serde_json::from_slice::<Vec<Mutant>>(&listed)
+        .map_err(|error| Error::failed(format!("cargo mutants --list: {error}")))?
+        .into_iter()
+        .map(|mutant| mutant.name)
+        .collect();
+    let equivalent = equivalent()?;
+    names.retain(|name| !equivalent.contains(&without_place(name)));
+    if let Which::Sample(count, seed) = which {
+        choose(&mut names, count as usize, seed);
+    }
+    if names.is_empty() {
+        println!("cargo-mutants makes no mutant of that");
+        return Ok(Score::default());
+    }
+    println!(
+        "{} mutants of protocol and firmware, {SECONDS} s each at most",
+        names.len()
+    );
+    let mut run = mutants(&["--no-shuffle", "--colors=never", "--jobs=2"])?;
+    run.arg(format!("--timeout={SECONDS}"));
+    run.arg("--output").arg(&made);
+    for name in &names {
+        run.arg(format!("--re=^{}$", literally(name)));
+    }
+    // 2: some were missed, 3: some hung; both are told below.
+    let status = run
+        .status()
+        .map_err(|error| Error::io("cargo mutants", error))?;
+    if !matches!(status.code(), Some(0 | 2 | 3)) {
+        return Err(Error::failed(format!("cargo mutants ended with {status}")));
+    }
+    let count = |file: &str| {
+        let path = made.join("mutants.out").join(file);
+        fs::read_to_string(&path)
+            .map(|text| text.lines().filter(|line| !line.is_empty()).count())
+            .map_err(|error| Error::io(path.display(), error))
+    };
+    let caught = count("caught.txt")? + count("timeout.txt")?;
+    let score = Score {
+        caught,
+        tried: caught + count("missed.txt")?,
+    };
+    println!(
+        "cargo-mutants: {} of {} caught; what was missed: {}",
+        score.caught,
+        score.tried,
+        made.join("mutants.out/missed.txt").display()
+    );
+    Ok(score)
+}
+
+/// The names of mutants that are no faults.
+fn equivalent() -> Result<Vec<String>, Error> {
+    let path = repo::root().join(EQUIVALENT);
+    let text = fs::read_to_string(&path).map_err(|error| Error::io(path.display(), error))?;
+    let list: List = toml::from_str(&text)
+        .map_err(|error| Error::failed(format!("{}: {error}", path.display())))?;
+    for entry in &list.equivalent {
+        if entry.why.trim().is_empty() {
+            return Err(Error::failed(format!(
+                "{EQUIVALENT}: \"{}\" has no reason in why, must say why no test can see it",
+                entry.mutant
+            )));
+        }
+    }
+    Ok(list
+        .equivalent
+        .into_iter()
+        .map(|entry| entry.mutant)
+        .collect())
+}
+
+/// `file:line:column: what` without line and column, which every edit moves.
+fn without_place(name: &str) -> String {
+    let mut parts = name.splitn(4, ':');
+    match (parts.next(), parts.next(), parts.next(), parts.next()) {
+        (Some(file), Some(_), Some(_), Some(what)) => format!("{file}:{what}"),
+        _ => name.to_owned(),
+    }
+}
+
+/// Keeps `count` of them, by the seed (splitmix64, then the smallest).
+fn choose(names: &mut Vec<String>, count: usize, seed: u64) {
+    let mut state = seed;
+    let mut chance = || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mixed = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^ (mixed >> 31)
+    };
+    let mut drawn: Vec<_> = names.drain(..).map(|name| (chance(), name)).collect();
+    drawn.sort();
+    names.extend(drawn.into_iter().take(count).map(|(_, name)| name));
+    names.sort();
+}
+
+/// `text` as a regular expression that only it matches.
+fn literally(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        if !(c.is_alphanumeric() || c == '_' || c == ' ' || c == '/' || c == ':') {
+            out.push('\\');
+        }
+        out.push(c);
+    }
+    out
+}
+
+/// What has changed in the mutated crates since `revision`, as a file.
+fn diff(revision: &str, made: &Path) -> Result<PathBuf, Error> {
+    let output = Command::new("git")
+        .current_dir(repo::root())
+        .args(["diff", revision, "--", "protocol", "firmware"])
+        .output()
+        .map_err(|error| Error::io("git", error))?;
+    if !output.status.success() {
+        return Err(Error::usage(format!(
+            "--since {revision}: {}",
+            String::from_utf8_lossy(&output.stderr).trim()
+        )));
+    }
+    let path = made.join("since.diff");
+    fs::write(&path, output.stdout).map_err(|error| Error::io(path.display(), error))?;
+    Ok(path)
+}
+
+fn mutants(arguments: &[&str]) -> Result<Command, Error> {
+    let mut command = Command::new(program()?);
+    command.current_dir(repo::root()).arg("mutants");
+    for package in PACKAGES {
+        command.args(["--package", package]);
+    }
+    command.args(arguments);
+    Ok(command)
+}
+
+/// cargo-mutants: in PATH, or in a folder of our own, where it is installed if it is nowhere.
+fn program() -> Result<PathBuf, Error> {
+    if let Some(found) = repo::in_path("cargo-mutants") {
+        return Ok(found);
+    }
+    let root = repo::root().join("target/tools");
+    let own = root.join("bin/cargo-mutants");
+    if !own.exists() {
+        println!("cargo-mutants is missing: installing it into target/tools");
+        let mut install = repo::cargo();
+        install.args([
+            "install",
+            "cargo-mutants",
+            "--locked",
+            "--version",
+            VERSION,
+            "--root",
+        ]);
+        repo::run(install.arg(&root)).map_err(|error| {
+            Error::usage(format!(
+                "cargo-mutants is missing, and cannot be installed: {}; --kept does without it",
+                error.message()
+            ))
+        })?;
+    }
+    Ok(own)
+}
+
+fn output(command: &mut Command) -> Result<Vec<u8>, Error> {
+    let output = command
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|error| Error::io("cargo mutants", error))?;
+    match output.status.success() {
+        true => Ok(output.stdout),
+        false => Err(Error::failed(format!(
+            "cargo mutants ended with {}",
+            output.status
+        ))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_seed_gives_one_sample_and_another_seed_another() {
+        let all: Vec<_> = (0..500).map(|number| number.to_string()).collect();
+        let sample = |seed| {
+            let mut names = all.clone();
+            choose(&mut names, 30, seed);
+            names
+        };
+        assert_eq!(sample(1), sample(1));
+        assert_eq!(sample(1).len(), 30);
+        assert_ne!(sample(1), sample(2));
+    }
+
+    #[test]
+    fn a_name_stands_without_its_place() {
+        let name = "protocol/src/crc.rs:12:5: replace f -> u8 with 0";
+        assert_eq!(
+            without_place(name),
+            "protocol/src/crc.rs: replace f -> u8 with 0"
+        );
+        assert_eq!(literally("a<b> c::d"), "a\\<b\\> c::d");
+    }
+
+    #[test]
+    fn the_list_of_equivalent_mutants_can_be_read() {
+        assert!(equivalent().is_ok());
+    }
+}

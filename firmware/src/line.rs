@@ -23,12 +23,11 @@ use multidrop_protocol::rtu::Flaws;
 /// Which part a line has in a transaction: it says when a frame is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// As close to t3.5 as can be: a late part of a frame voids it, and what begins at t3.5 is the request of
-    /// a client.
+    /// [As close to t3.5 as two clocks allow](multidrop_protocol::timing::margin): a late part of a frame voids it, and
+    /// what begins at t3.5 is the request of a client.
     Server,
     /// Earlier, half way from t1.5 to t3.5, so that there is time to make the next request, which starts at t3.5.
-    /// Nobody
-    /// else on the bus begins anything by itself; who does so before t3.5 holds the request back.
+    /// Nobody else on the bus begins anything by itself; who does so before t3.5 holds the request back.
     Client,
 }
 

@@ -21,7 +21,7 @@ pub fn rtu_line(data: &[u8]) {
         character: 100,
         t1_5,
         t3_5,
-        early: if tasks & 8 == 0 { 0 } else { t3_5 / 128 },
+        early: if tasks & 8 == 0 { 0 } else { t3_5 / 24 },
         strict: bit(3) || bit(4),
         sees_start_bits: bit(5),
         short_cut: bit(6),

@@ -11,6 +11,16 @@ pub const TICK_HZ_MAX: u32 = 55_000_000;
 /// Above this rate the silences are fixed instead of a multiple of the character time (SER 2.5.1.1).
 pub const FIXED_SILENCE_ABOVE_BAUD: u32 = 19_200;
 
+/// [`margin`] is this part of t3.5: two clocks that are off by 1 % each, in opposite directions, differ by half as much.
+const MARGIN_PART: u32 = 24;
+
+/// By how much before t3.5 a frame is judged: t3.5 is measured by two clocks (SER 2.5.1.1 leaves open by which). A character that
+/// begins in this last part of it begins a new frame, as it may have waited for t3.5 by its sender's clock; the frame before
+/// stands, and its answer is withdrawn. An answer starts at t3.5 all the same.
+pub const fn margin(t3_5: u32) -> u32 {
+    t3_5 / MARGIN_PART
+}
+
 /// The time of one character of this format.
 ///
 /// # Panics
@@ -65,6 +75,19 @@ mod tests {
         // 11.0592 MHz / 8.
         assert_eq!(t3_5(LineFormat::F8N1, 38400, 1_382_400), 2420);
         assert_eq!(t1_5(LineFormat::F8N1, 115200, 1_382_400), 1037);
+    }
+
+    #[test]
+    fn a_gap_of_95_percent_of_t3_5_is_still_one() {
+        for baud in [1200, 9600, 38_400] {
+            for tick_hz in [1_000_000, 2_500_000, 42_000_000] {
+                let t3_5 = t3_5(LineFormat::F8N1, baud, tick_hz);
+                let judged = t3_5 - margin(t3_5);
+                assert!(100 * judged > 95 * t3_5);
+                // Two clocks that are 1 % off, one each way, and as much again.
+                assert!(100 * judged < 96 * t3_5);
+            }
+        }
     }
 
     #[test]

@@ -131,7 +131,7 @@ fn frames_apart_by_more_than_t3_5_are_two_and_by_less_none() {
 fn a_request_just_before_t3_5_is_one_where_frames_are_judged_early_and_no_answer_goes_over_it() {
     for settings in every_line() {
         let settings = Settings {
-            early: settings.t3_5 / 128,
+            early: settings.t3_5 / 24,
             ..settings
         };
         for (gap, executed) in [

@@ -24,9 +24,9 @@ fn named(line: Line) -> String {
 /// Gaps inside a frame that are too long and do not end it, in order.
 fn gaps_too_long(line: Line) -> Vec<Time> {
     let mut gaps = vec![line.t15() * 11 / 10];
-    gaps.extend([200, 250, 300, 340, 345].map(|percent| line.t35() * percent / 350));
-    // Frames are judged 0.8 % before t3.5, so that two clocks may differ by as much.
-    gaps.push(line.t35() * 99 / 100);
+    gaps.extend([200, 250, 300].map(|percent| line.t35() * percent / 350));
+    // What begins in the last 1/24 of t3.5 begins a new frame, since two clocks measure it.
+    gaps.push(line.t35() * 95 / 100);
     gaps
 }
 

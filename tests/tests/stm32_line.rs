@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::four::{Desk, RS2, RS4, setting};
+use common::four::{AS1, Desk, RS2, RS4, setting};
 use common::frames::{adu, block, words};
 use common::plain::wire::from_rtu;
 use common::{LINE, Rig, stm32_example, stm32_registers};
@@ -62,7 +62,7 @@ fn a_frame_is_what_has_no_gap_over_t1_5() {
 #[test]
 fn a_request_at_t3_5_after_another_units_is_heard() {
     let mut rig = Rig::stm32(&stm32_registers(), LINE);
-    for (pause_us, answered) in [(1700, false), (1750, true), (1760, true)] {
+    for (pause_us, answered) in [(1660, false), (1690, true), (1750, true), (1760, true)] {
         let other = words(9, 3, 0, 1).into_iter().map(Tx::byte);
         let ours = request().into_iter().enumerate().map(|(index, byte)| {
             let pause = if index == 0 { pause_us } else { 0 };
@@ -75,6 +75,65 @@ fn a_request_at_t3_5_after_another_units_is_heard() {
             "{pause_us} us"
         );
         rig.pause(Time::from_ms(5));
+    }
+}
+
+/// A port whose register INTER_CHARACTER is loaded with this value; its host, and a request that is answered.
+fn desk_with_gaps(inter_character: u32) -> (Desk, Vec<u8>, Vec<u8>) {
+    let mut desk = Desk::new(&common::ports(), &[]).expect("QEMU runs the image");
+    let register = setting(AS1, 26);
+    let value = inter_character.to_be_bytes();
+    let load = block(10, 16, register, 2, &value);
+    let answer = desk.bus.transact(desk.pc, &load, Time::from_ms(100));
+    assert_eq!(answer.expect("an answer").bytes, words(10, 16, register, 2));
+    desk.bus.run_for(Time::from_ms(100));
+    let answer = adu(&[&[10, 3, 4][..], &value].concat());
+    (desk, words(10, 3, register, 2), answer)
+}
+
+/// Sends frames in pieces, so far apart, and gives what comes back, and how long after.
+fn say(desk: &mut Desk, pieces: &[&[u8]], apart: Time) -> Option<(Vec<u8>, Time)> {
+    let pc = desk.pc;
+    desk.bus.host(pc).take();
+    let mut end = desk.bus.now();
+    for (index, piece) in pieces.iter().enumerate() {
+        let gap = if index == 0 { Time::ZERO } else { apart };
+        let characters = piece.iter().enumerate().map(|(at, &byte)| {
+            let before = if at == 0 { gap } else { Time::ZERO };
+            Tx::byte(byte).after(before)
+        });
+        end = desk.bus.host(pc).send_each(characters);
+    }
+    desk.bus.run_to(end);
+    assert_eq!(desk.bus.host(pc).take(), [], "talked over");
+    let answer = desk.bus.transact(pc, &[], Time::from_ms(100));
+    desk.bus.run_for(Time::from_ms(100));
+    answer.map(|answer| {
+        let after = answer.received[0].start - end;
+        (answer.bytes, after)
+    })
+}
+
+/// Where gaps are allowed, t3.5 less its last 1/24 ends a frame: two clocks measure it.
+#[test]
+fn with_gaps_allowed_t3_5_still_has_its_margin() {
+    let (mut desk, request, expected) = desk_with_gaps(1);
+    let (head, tail) = request.split_at(3);
+    for (percent, answered) in [(90, true), (95, true), (97, false), (99, false)] {
+        let heard = say(&mut desk, &[head, tail], LINE.t35() * percent / 100);
+        assert_eq!(heard.is_some(), answered, "{percent} %");
+        if let Some((bytes, after)) = heard {
+            assert_eq!(bytes, expected);
+            assert!(after >= LINE.t35(), "{after}");
+        }
+    }
+    // Two requests: the answer to the first one is withdrawn.
+    for percent in [97, 99, 100] {
+        let apart = LINE.t35() * percent / 100;
+        let heard = say(&mut desk, &[&request, &request], apart);
+        let (bytes, after) = heard.unwrap_or_else(|| panic!("none at {percent} %"));
+        assert_eq!(bytes, expected, "{percent} %");
+        assert!(after >= LINE.t35(), "{after}");
     }
 }
 

@@ -1,8 +1,8 @@
 //! The USARTs as [`Line`]s: frames out of silence, answers at t3.5, DE.
 //!
 //! A port's interrupt stores byte and CRC and sets the port's alarm to the end of the silence that would
-//! complete the frame; no task is woken per byte. The alarm completes the frame at t1.5, judges it a
-//! little before t3.5, and at t3.5 starts an answer that is ready by then from within the interrupt.
+//! complete the frame; no task is woken per byte. The alarm completes the frame at t1.5, judges it when 23/24
+//! of t3.5 are over, and at t3.5 starts an answer that is ready by then from within the interrupt.
 //!
 //! RXNE comes near the end of a character, so by itself it tells only a whole character late that one began
 //! within t1.5. The pending bit that EXTI sets on a falling edge of RXD serves as a start-bit detector: polled

@@ -16,9 +16,6 @@ const PS: u16 = 1 << 9;
 /// STOP of CR2 (RM0090 30.6.5): two stop bits.
 const STOP_2: u16 = 0b10 << 12;
 
-/// A frame is judged this part of t3.5 before t3.5: 0.8 %, more than two crystals differ.
-const JUDGED_EARLY: u32 = 128;
-
 /// A client judges a frame this part of the time from t1.5 to t3.5 before t3.5: 250 us above 19200 baud, in
 /// which it makes its next request.
 const JUDGED_EARLY_CLIENT: u32 = 4;
@@ -99,11 +96,12 @@ impl Settings {
                 if divisor.over8 { 10 } else { 9 } + if bits.cr2 == STOP_2 { 16 } else { 0 };
             (sixteenths * tick_hz).div_ceil(16 * baud)
         };
+        let silence = timing::t3_5(format, baud, tick_hz);
         let t1_5 = rest_of_stop + timing::t1_5(format, baud, tick_hz);
-        let t3_5 = rest_of_stop + timing::t3_5(format, baud, tick_hz);
+        let t3_5 = rest_of_stop + silence;
         let to_start = match (config.role, config.inter_character) {
             (Role::Client, InterCharacter::Strict) => (t3_5 - t1_5) / JUDGED_EARLY_CLIENT,
-            _ => t3_5 / JUDGED_EARLY,
+            _ => timing::margin(silence),
         };
         let to_complete = match config.inter_character {
             InterCharacter::Strict => t1_5,
@@ -241,7 +239,7 @@ mod tests {
         assert_eq!(made.to_complete, 31_500 + 616);
         let t3_5 = 73_500 + 616;
         assert_eq!(made.t3_5, t3_5);
-        assert_eq!(made.to_start, t3_5 / 128);
+        assert_eq!(made.to_start, 73_500 / 24);
         assert_eq!(made.to_complete + made.to_stand + made.to_start, t3_5);
         assert_eq!(made.character, 10_938);
         // With two stop bits there is a whole one more.
@@ -255,7 +253,7 @@ mod tests {
             inter_character: InterCharacter::Off,
             ..rtu
         });
-        assert_eq!((made.to_complete, made.to_stand), (t3_5 - t3_5 / 128, 0));
+        assert_eq!((made.to_complete, made.to_stand), (t3_5 - 73_500 / 24, 0));
         // A client has a quarter of the time between t1.5 and t3.5 for its next request.
         let made = settings(LineConfig {
             role: Role::Client,

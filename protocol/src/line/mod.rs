@@ -11,13 +11,14 @@
 //! if a character is under way it waits for it before it decides.
 //!
 //! A client may send its next request exactly t3.5 after another server's answer, by a clock that is not ours. A driver
-//! therefore has the frame judged a little before t3.5 ([`Interval::ToStart`]), so that such a request is not taken for a late
-//! part of the frame before; answers start at t3.5 all the same.
+//! therefore has the frame judged before t3.5 by [`margin`](crate::timing::margin), so that such a request is not taken for a
+//! late part of the frame before: that one stands, is carried out, and its answer is withdrawn. Answers start at t3.5 all the
+//! same.
 //!
 //! | phase | a character | the alarm |
 //! |---|---|---|
 //! | a frame comes in | is stored | t1.5: the frame is complete, lent as provisional |
-//! | complete | voids the frame | t3.5, or a little before: the frame stands |
+//! | complete | voids the frame | t3.5 less the margin: the frame stands |
 //! | settled | begins a frame | t3.5: a released answer starts |
 //! | silent | begins a frame | - |
 //! | sending | - (the receiver is off) | - |
@@ -198,12 +199,10 @@ impl LineMachine {
         let mut rest = Interval::ToStand;
         if self.phase == Phase::Begun {
             // The start bit was none: no character came of it.
-            wire.clear_start_bit();
             rest = Interval::ToStandLessCharacter;
         } else if wire.start_bit_seen() {
             self.phase = Phase::Begun;
-            wire.alarm(Interval::Character);
-            return;
+            return self.await_character(wire);
         }
         self.phase = Phase::Complete;
         if self.flaws.is_empty() {
@@ -217,6 +216,8 @@ impl LineMachine {
         }
         let pending = self.verdict == Verdict::Pending;
         if !wire.alarm(rest) {
+            // Looked at, and waited for, just now.
+            self.phase = Phase::CompleteBegun;
             self.on_stand(wire);
         }
         if pending {
@@ -226,12 +227,9 @@ impl LineMachine {
 
     #[inline(always)]
     fn on_stand<W: Wire>(&mut self, wire: &mut W) {
-        if self.phase == Phase::CompleteBegun {
-            wire.clear_start_bit();
-        } else if wire.start_bit_seen() {
+        if self.phase == Phase::Complete && wire.start_bit_seen() {
             self.phase = Phase::CompleteBegun;
-            wire.alarm(Interval::Character);
-            return;
+            return self.await_character(wire);
         }
         self.phase = Phase::Settled;
         if self.verdict == Verdict::Pending {
@@ -250,6 +248,14 @@ impl LineMachine {
         }
     }
 
+    /// A start bit was seen: a character comes within the time of one, or it was none. One that begins from now on is another's,
+    /// and seen as that.
+    #[inline(always)]
+    fn await_character<W: Wire>(&mut self, wire: &mut W) {
+        wire.clear_start_bit();
+        wire.alarm(Interval::Character);
+    }
+
     /// A damaged frame is over.
     #[inline(always)]
     fn tell<W: Wire>(&mut self, wire: &mut W, flaws: Flaws) {
@@ -266,9 +272,7 @@ impl LineMachine {
             }
             if wire.ascii().is_some() {
                 // An edge, or a character that has begun: which of them shows within one.
-                wire.clear_start_bit();
-                wire.alarm(Interval::Character);
-                return;
+                return self.await_character(wire);
             }
             self.withhold();
         }

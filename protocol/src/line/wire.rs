@@ -7,11 +7,12 @@ use crate::rtu::Heard;
 /// An interval that the machine asks an alarm for. How many ticks it has depends on the line's settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interval {
-    /// From t1.5 to the moment, at t3.5 of the same silence or a little before, in which the frame is judged; nothing where a gap over t1.5 is allowed, since t3.5 completes a frame there.
+    /// From t1.5 to the moment in which the frame is judged, t3.5 of the same silence less [the margin](crate::timing::margin);
+    /// nothing where a gap over t1.5 is allowed, since that moment completes a frame there.
     ToStand,
     /// The same, less one character that has been waited for already; at least nothing.
     ToStandLessCharacter,
-    /// From the moment in which the frame is judged, which may lie a little before t3.5, to t3.5; nothing if it does not.
+    /// From the moment in which the frame is judged to t3.5; nothing if they are the same.
     ToStart,
     /// One character.
     Character,

@@ -42,7 +42,7 @@ pub enum Flow {
 pub enum InterCharacter {
     /// The standard: a silence of t3.5 ends a frame; one with a gap of more than t1.5 is dropped and counted.
     Strict,
-    /// A silence of t3.5 ends a frame, and shorter gaps do no harm.
+    /// A silence of t3.5, less [the margin for two clocks](crate::timing::margin), ends a frame, and shorter gaps do no harm.
     Off,
     /// A silence of so many ms ends a frame, 2..=50, and shorter gaps do no harm: for peers behind USB adapters,
     /// which pause for 16 ms inside frames. Where t3.5 is longer, t3.5 ends it.

@@ -52,11 +52,6 @@ impl Run {
 pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], glitches: &[u64]) -> Vec<Run> {
     let half_bit = settings.character / 20;
     let received = settings.character - half_bit;
-    let complete = if settings.strict {
-        settings.t1_5
-    } else {
-        settings.judged()
-    };
     let mut runs: Vec<Run> = Vec::new();
     let mut talks = talks.iter().peekable();
     let mut talked = false;
@@ -70,16 +65,9 @@ pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], glitches: &[u64
         {
             continue;
         }
-        let gap = runs.last().map(|run| {
-            let looked = run.end - half_bit + 1..=run.end + complete;
-            let late =
-                char.start - run.end > complete && char.start - run.end < complete + half_bit;
-            if late && glitches.iter().any(|at| looked.contains(at)) {
-                complete
-            } else {
-                char.start - run.end
-            }
-        });
+        let gap = runs
+            .last()
+            .map(|run| as_seen(settings, run.end, char.start, glitches));
         let begins = talked || gap.is_none_or(|gap| gap > settings.judged());
         talked = false;
         if begins {
@@ -103,6 +91,33 @@ pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], glitches: &[u64
         run.end = char.start + settings.character;
     }
     runs
+}
+
+/// The gap from `end` to a character that begins at `start`, as a line sees it that looks for start bits when t1.5 is over and
+/// when it judges: where it has seen one of the edges in `glitches`, it takes a character for in time that is received within
+/// the time of one.
+fn as_seen(settings: &Settings, end: u64, start: u64, glitches: &[u64]) -> u64 {
+    let half_bit = settings.character / 20;
+    let gap = start - end;
+    let mut cleared = end - half_bit;
+    let complete = if settings.strict {
+        settings.t1_5
+    } else {
+        settings.judged()
+    };
+    for limit in [complete, settings.judged()] {
+        if gap <= limit {
+            break;
+        }
+        let seen = |at: &u64| cleared < *at && *at <= end + limit;
+        if glitches.iter().any(seen) {
+            if gap < limit + half_bit {
+                return limit;
+            }
+            cleared = end + limit;
+        }
+    }
+    gap
 }
 
 /// Judges all that has been, from a model as `book` says; leaves `book` as the model must be now.

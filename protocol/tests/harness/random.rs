@@ -132,7 +132,7 @@ pub fn settings(random: &mut Random) -> Settings {
         character: 100,
         t1_5,
         t3_5,
-        early: random.pick(&[0, t3_5 / 128]),
+        early: random.pick(&[0, t3_5 / 24]),
         strict: !random.once_in(4),
         sees_start_bits: !random.once_in(4),
         short_cut: random.once_in(2),

@@ -127,5 +127,10 @@ pub fn stm32_example(name: &str, baud: u32) -> PathBuf {
 
 /// The `registers` image of the STM32, for QEMU.
 pub fn stm32_registers() -> PathBuf {
-    board_image("stm32", "registers", &["--qemu"])
+    stm32_registers_at(LINE)
+}
+
+/// The same, for `line`.
+pub fn stm32_registers_at(line: Line) -> PathBuf {
+    for_line("stm32", "registers", vec!["--qemu"], line, LINE)
 }

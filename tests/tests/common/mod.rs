@@ -14,7 +14,10 @@ pub mod random;
 pub mod rig;
 mod rules;
 
-pub use images::{conformance, example, image, ports, registers, stm32_example, stm32_registers};
+pub use images::{
+    conformance, example, image, ports, registers, stm32_example, stm32_registers,
+    stm32_registers_at,
+};
 pub use rig::Rig;
 pub use rules::{DE_LAG, assert_bus_rules};
 

@@ -2,8 +2,8 @@
 //!
 //! The receive interrupt stores byte and CRC and sets Timer1's compare B to the end of the silence
 //! that would complete the frame; no task is woken per byte. Compare B completes the frame at t1.5,
-//! judges it a little before t3.5, and at t3.5 starts an answer that is ready by then from within the
-//! interrupt.
+//! judges it when 23/24 of t3.5 are over, and at t3.5 starts an answer that is ready by then from within
+//! the interrupt.
 //!
 //! RXC comes at the end of a character, so by itself it tells only a whole character late that one
 //! began within t1.5. The pin-change flag of RXD is used as a start-bit detector: polled when compare B

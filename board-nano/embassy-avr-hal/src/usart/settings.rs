@@ -18,13 +18,6 @@ pub(crate) const U2X: u8 = 1 << 1;
 /// ticks, of which one is left for the timer's own resolution and one for good measure.
 const LATENCY: u32 = 6;
 
-/// A frame is judged this part of t3.5 before t3.5: 0.8 %, more than two crystals differ.
-const JUDGED_EARLY: u32 = 128;
-
-/// Ticks by which it is judged early at the least: the interrupt that does it takes up to 243 cycles, and
-/// the next, which starts the answer, must not have to wait for it.
-const JUDGED_EARLY_MIN: u32 = 32;
-
 /// A client judges a frame half way from t1.5 to t3.5: above 19200 baud it has 500 us to make its next request.
 const JUDGED_EARLY_CLIENT: u32 = 2;
 
@@ -115,16 +108,16 @@ impl<F: Framings> Settings<F> {
             let sixteenths = 16 * (format.stop_bits() as u32 - 1) + 7;
             (sixteenths * tick_hz).div_ceil(16 * baud)
         };
+        let silence = timing::t3_5(format, baud, tick_hz);
         let t1_5 = rest_of_stop + timing::t1_5(format, baud, tick_hz) - LATENCY;
-        let t3_5 = rest_of_stop + timing::t3_5(format, baud, tick_hz) - LATENCY;
+        let t3_5 = rest_of_stop + silence - LATENCY;
         let character = timing::character(format, baud, tick_hz);
         if t3_5 + character > u16::MAX as u32 {
             return Err(LineError::Baud { nearest: 2400 });
         }
         let to_start = match (config.role, config.inter_character) {
             (Role::Client, InterCharacter::Strict) => (t3_5 - t1_5) / JUDGED_EARLY_CLIENT,
-            _ if t3_5 / JUDGED_EARLY > JUDGED_EARLY_MIN => t3_5 / JUDGED_EARLY,
-            _ => JUDGED_EARLY_MIN,
+            _ => timing::margin(silence),
         };
         let to_complete = match config.inter_character {
             InterCharacter::Strict => t1_5,

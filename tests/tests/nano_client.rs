@@ -114,3 +114,36 @@ fn a_scan_list_asks_without_a_pause() {
     bus.run_for(Time::from_ms(400));
     assert_eq!(bus.node(client).output(Pin::B5), Level::High);
 }
+
+/// The silences between the requests of a client that nobody answers.
+fn pauses(echo: bool) -> Vec<Time> {
+    let mut bus = Bus::new(BusConfig::default());
+    let client = bus
+        .add_nano(Nano {
+            echo,
+            ..Nano::new("client", image("client-functions", &[]))
+        })
+        .expect("a valid image");
+    bus.run_for(Time::from_s(10));
+    let frames = framed(bus.record(), LINE, Framing::Rtu);
+    assert!(frames.len() > 3, "{}", frames.len());
+    assert!(
+        frames
+            .iter()
+            .all(|frame| frame.from == Station::Node(client))
+    );
+    let pairs = frames.windows(2);
+    pairs.map(|pair| pair[1].start() - pair[0].end()).collect()
+}
+
+/// What RXD does while a node talks is no start bit of somebody else's.
+#[test]
+fn a_client_that_hears_itself_waits_no_longer_than_one_that_does_not() {
+    let quiet = pauses(false);
+    for (echoed, quiet) in pauses(true).into_iter().zip(quiet) {
+        assert!(
+            echoed < quiet + LINE.bits(1),
+            "{echoed} in place of {quiet}"
+        );
+    }
+}

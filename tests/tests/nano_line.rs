@@ -3,7 +3,9 @@
 mod common;
 
 use common::{assert_bus_rules, example, frames};
-use multidrop_bus::{Bus, BusConfig, Format, HostId, HostPort, Line, Nano, NodeId, Time};
+use multidrop_bus::{
+    Answer, Bus, BusConfig, Format, HostId, HostPort, Line, Nano, NodeId, Time, Tx,
+};
 
 const START: Line = Line::n81(38_400);
 /// The first of [`FORMATS`]: RTU needs eight data bits.
@@ -31,17 +33,25 @@ fn rig() -> (Bus, NodeId, HostId) {
     (bus, node, host)
 }
 
-fn set_up(format: usize, baud: u32) -> Vec<u8> {
+/// What ends a frame, as the register INTER_CHARACTER has it.
+const STRICT: u8 = 0;
+const OFF: u8 = 1;
+
+fn set_up(format: usize, baud: u32, inter_character: u8) -> Vec<u8> {
     let hundreds = u16::try_from(baud / 100).expect("a rate in hundreds");
     let [high, low] = hundreds.to_be_bytes();
-    frames::adu(&[1, 0x42, format as u8, high, low])
+    frames::adu(&[1, 0x42, format as u8, high, low, inter_character])
 }
 
 /// Sets the line up anew and listens for the greeting at the new settings.
 fn change(bus: &mut Bus, host: HostId, format: usize, baud: u32) -> Vec<u8> {
-    let request = set_up(format, baud);
+    change_to(bus, host, &set_up(format, baud, STRICT), format, baud)
+}
+
+/// The same by this request.
+fn change_to(bus: &mut Bus, host: HostId, request: &[u8], format: usize, baud: u32) -> Vec<u8> {
     bus.host(host).take();
-    let end = bus.host(host).send(&request);
+    let end = bus.host(host).send(request);
     bus.run_to(end);
     let line = Line {
         baud,
@@ -110,11 +120,70 @@ fn settings_that_cannot_be_made_are_refused_and_the_old_ones_kept() {
     let bauds = [100, 900, 3_000_000, 6_000_000].map(|baud| (0, baud));
     let formats = (RTU_FORMATS..FORMATS.len()).map(|format| (format, 38_400));
     for (format, baud) in bauds.into_iter().chain(formats) {
-        let answer = bus.transact(host, &set_up(format, baud), Time::from_ms(300));
+        let answer = bus.transact(host, &set_up(format, baud, STRICT), Time::from_ms(300));
         let bytes = answer.expect("an answer at the old settings").bytes;
         assert_eq!(bytes, frames::adu(b"no"), "{baud} {format}");
     }
     let frame = frames::adu(&[7, 1, 2, 3]);
     let answer = bus.transact(host, &frame, Time::from_ms(300));
     assert_eq!(answer.expect("it comes back").bytes, frame);
+}
+
+/// Sends pieces, so far apart, and gives what comes back.
+fn say(bus: &mut Bus, host: HostId, pieces: &[&[u8]], apart: Time) -> Option<Answer> {
+    let silence = bus.host(host).line().t35();
+    bus.host(host).take();
+    let mut end = bus.now();
+    for (index, piece) in pieces.iter().enumerate() {
+        let gap = if index == 0 { Time::ZERO } else { apart };
+        let characters = piece.iter().enumerate();
+        let characters = characters
+            .map(|(at, &byte)| Tx::byte(byte).after(if at == 0 { gap } else { Time::ZERO }));
+        end = bus.host(host).send_each(characters);
+    }
+    bus.run_to(end);
+    assert_eq!(bus.host(host).take(), [], "talked over");
+    let mut answer = bus.transact(host, &[], silence + Time::from_ms(100))?;
+    answer.request_end = end;
+    Some(answer)
+}
+
+/// Where gaps are allowed, t3.5 less its last 1/24 ends a frame: two clocks measure it.
+#[test]
+fn with_gaps_allowed_t3_5_still_has_its_margin() {
+    for baud in [9_600, 19_200, 38_400, 115_200] {
+        let (mut bus, _, host) = rig();
+        let line = Line::n81(baud);
+        let heard = change_to(&mut bus, host, &set_up(0, baud, OFF), 0, baud);
+        assert_eq!(heard, frames::adu(GREETING), "{baud}");
+        let frame = frames::adu(&[7, 1, 2, 3]);
+        let (head, tail) = frame.split_at(3);
+        // A gap in the frame, and one just before t3.5, which makes two that are damaged.
+        for (percent, answered) in [(90, true), (95, true), (97, false), (99, false)] {
+            let apart = line.t35() * percent / 100;
+            let answer = say(&mut bus, host, &[head, tail], apart);
+            assert_eq!(answer.is_some(), answered, "{percent} % at {baud}");
+            if let Some(answer) = answer {
+                assert_eq!(answer.bytes, frame);
+                let beyond = answer.turnaround().saturating_sub(line.t35());
+                assert!(beyond < Time::from_us(40), "{beyond} at {baud}");
+            }
+            bus.run_for(Time::from_ms(50));
+        }
+        // Two frames: the answer to the first one is withdrawn.
+        for percent in [97, 99, 100] {
+            let apart = line.t35() * percent / 100;
+            let other = frames::adu(&[8, 4, 5]);
+            let answer = say(&mut bus, host, &[&frame, &other], apart);
+            assert_eq!(
+                answer.map(|answer| answer.bytes),
+                Some(other),
+                "{percent} % at {baud}\n{}",
+                bus.record()
+            );
+            bus.run_for(Time::from_ms(50));
+        }
+        assert_bus_rules(&bus, line);
+        bus.clear_record();
+    }
 }

@@ -1,6 +1,6 @@
 //! The line by itself, without a server: every frame is sent back, and one with function 0x42 sets the
-//! line up anew: index into `LineFormat::ALL`, then the baud in hundreds, high byte first. What follows is
-//! a greeting at the new settings.
+//! line up anew: index into `LineFormat::ALL`, the baud in hundreds, high byte first, and what ends a frame, as the
+//! register INTER_CHARACTER has it. What follows is a greeting at the new settings.
 #![no_std]
 #![no_main]
 #![feature(abi_avr_interrupt)]
@@ -32,35 +32,35 @@ bind_usart0!(Rs485);
 
 #[embassy_executor::task]
 async fn repeat(line: Rs485) {
-    let mut bytes = [0; 254];
     loop {
         let Ok(mut frame) = line.receive().await else {
             continue;
         };
-        let heard = &mut bytes[..frame.request_len().into()];
-        heard.copy_from_slice(&frame.bytes()[..frame.request_len().into()]);
-        let stands = frame.settle().await;
-        drop(frame);
-        if !stands {
+        let len = frame.request_len();
+        if !frame.settle().await {
             continue;
         }
-        match *heard {
-            [_, SET_UP, format, high, low] => {
-                let config = LineConfig {
-                    baud: 100 * u32::from(u16::from_be_bytes([high, low])),
-                    format: LineFormat::ALL[usize::from(format) % LineFormat::ALL.len()],
-                    ..START
-                };
-                let answer = match line.configure(config).await {
-                    Ok(()) => GREETING,
-                    Err(_) => b"no",
-                };
-                let _ = line.transmit(answer).await;
-            }
-            _ => {
-                let _ = line.transmit(heard).await;
-            }
-        }
+        let [_, SET_UP, format, high, low, gap] = frame.bytes()[..len.into()] else {
+            frame.release(len);
+            frame.sent().await;
+            continue;
+        };
+        drop(frame);
+        let config = LineConfig {
+            baud: 100 * u32::from(u16::from_be_bytes([high, low])),
+            format: LineFormat::ALL[usize::from(format) % LineFormat::ALL.len()],
+            inter_character: match gap {
+                0 => InterCharacter::Strict,
+                1 => InterCharacter::Off,
+                ms => InterCharacter::Gap(ms),
+            },
+            ..START
+        };
+        let answer = match line.configure(config).await {
+            Ok(()) => GREETING,
+            Err(_) => b"no",
+        };
+        let _ = line.transmit(answer).await;
     }
 }
 

@@ -93,9 +93,10 @@ pub(super) fn set_up<F>(settings: &Settings<F>) {
     listen();
 }
 
-/// Receiver on.
+/// Receiver on. What RXD did while it was off is no start bit: a transceiver may have heard itself.
 #[inline(always)]
 pub(super) fn listen() {
+    clear_start_bit();
     Usart::control(RXCIE | RXEN | TXEN);
 }
 

@@ -220,7 +220,9 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
             // SAFETY: in the interrupt.
             Interval::Fortieth => unsafe { Hot::get() }.to_complete,
         };
-        advance_compare(ticks);
+        if ticks > 0 {
+            advance_compare(ticks);
+        }
         ticks > 0
     }
 

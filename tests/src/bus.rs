@@ -313,19 +313,39 @@ impl Bus {
     // --- running ----------------------------------------------------------------------------
 
     /// Runs for a span of bus time.
+    ///
+    /// # Panics
+    /// Where [`Bus::try_run_for`] has an error.
     pub fn run_for(&mut self, span: impl Into<Time>) {
         self.run_to(self.now.saturating_add(span.into()));
     }
 
-    /// Runs to an instant.
-    pub fn run_to(&mut self, deadline: Time) {
+    /// Runs for a span of bus time.
+    ///
+    /// # Errors
+    /// [`BusError::Stopped`] when a machine's process has died or hangs; the bus has come to the end of the span all the same.
+    pub fn try_run_for(&mut self, span: impl Into<Time>) -> Result<(), BusError> {
+        let deadline = self.now.saturating_add(span.into());
         self.look_again();
         while self.step(deadline) {}
         self.settle();
+        self.machines_run()
+    }
+
+    /// Runs to an instant.
+    ///
+    /// # Panics
+    /// As [`Bus::run_for`].
+    pub fn run_to(&mut self, deadline: Time) {
+        let ran = self.try_run_for(deadline.saturating_sub(self.now));
+        ran.unwrap_or_else(|error| panic!("{error}"));
     }
 
     /// Runs until `done` says so, looked at whenever something happened, but at most for `limit`.
     /// Returns whether it did.
+    ///
+    /// # Panics
+    /// As [`Bus::run_for`].
     pub fn run_until(
         &mut self,
         mut done: impl FnMut(&mut Bus) -> bool,
@@ -340,6 +360,8 @@ impl Bus {
             }
             if !self.step(deadline) {
                 self.settle();
+                let ran = self.machines_run();
+                ran.unwrap_or_else(|error| panic!("{error}"));
                 return done(self);
             }
         }

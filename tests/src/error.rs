@@ -52,6 +52,12 @@ pub enum BusError {
         /// What went wrong.
         reason: String,
     },
+    /// A machine has stopped while the bus ran: its process has died, or hangs.
+    #[error("the STM32 has stopped: {reason}")]
+    Stopped {
+        /// What went wrong.
+        reason: String,
+    },
     /// No such symbol in the image.
     #[error("the image has no symbol {0}")]
     NoSymbol(String),

@@ -1,4 +1,4 @@
-//! The one module with `unsafe` in it: simavr's instruction core behind a safe face.
+//! simavr's instruction core behind a safe face: the one module that reaches into C.
 //!
 //! What is used of simavr: the instruction decoder, data and flash memory, its cycle timers and
 //! interrupt table for the peripherals that are *not* replaced (Timer0, Timer2, watchdog).

@@ -24,6 +24,7 @@ use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
 use nix::sys::termios::{self, FlushArg, SetArg};
 
 use crate::bus::Bus;
+use crate::error::BusError;
 use crate::record::HostId;
 use crate::time::Time;
 
@@ -51,6 +52,9 @@ pub enum LiveError {
     /// The system has no pseudo terminal for us.
     #[error("no pseudo terminal: {0}")]
     Terminal(#[from] io::Error),
+    /// The bus itself cannot go on.
+    #[error(transparent)]
+    Bus(#[from] BusError),
 }
 
 impl From<nix::Error> for LiveError {
@@ -103,14 +107,14 @@ impl Live {
     /// Runs in real time until `done` says so, asked about once a millisecond.
     ///
     /// # Errors
-    /// [`LiveError::Terminal`].
+    /// [`LiveError::Terminal`], and [`LiveError::Bus`] when a machine has stopped.
     pub fn run(&mut self, mut done: impl FnMut(&mut Bus) -> bool) -> Result<(), LiveError> {
         let mut last = Instant::now();
         while !done(&mut self.bus) {
             let input = self.terminal.wait(TICK)?;
             let elapsed = last.elapsed().min(CATCH_UP);
             last = Instant::now();
-            self.bus.run_for(Time::from(elapsed));
+            self.bus.try_run_for(Time::from(elapsed))?;
             if !input.is_empty() {
                 self.bus.host(self.host).send(&input);
             }

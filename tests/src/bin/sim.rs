@@ -142,6 +142,18 @@ enum SimError {
     Signals(std::io::Error),
 }
 
+impl SimError {
+    /// 2 where something else has to be asked for, 1 where the work could not be done.
+    fn exit_code(&self) -> u8 {
+        match self {
+            SimError::Bus(BusError::Stopped { .. })
+            | SimError::Live(LiveError::Bus(_) | LiveError::Terminal(_))
+            | SimError::Signals(_) => 1,
+            _ => 2,
+        }
+    }
+}
+
 fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
@@ -158,7 +170,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
-            ExitCode::from(2)
+            ExitCode::from(error.exit_code())
         }
     }
 }
@@ -201,7 +213,10 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
     let panel = bus.nodes().next().map(|(id, _)| id);
     let client = bus.add_host_on(wire, HostPort::new(line));
     let injector = bus.add_host_on(wire, HostPort::new(line));
-    bus.run_for(BOOT);
+    bus.try_run_for(BOOT)?;
+    if stop.load(Ordering::Relaxed) {
+        return Ok(());
+    }
 
     let mut live = Live::new(bus, client, &arguments.link)?;
     say(&format!("ready: {}\n", live.link().display()));

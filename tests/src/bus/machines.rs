@@ -53,6 +53,16 @@ impl Bus {
         &self.machines[id.0]
     }
 
+    /// Whether all machines run.
+    pub(super) fn machines_run(&self) -> Result<(), BusError> {
+        match self.machines.iter().find_map(Machine::failure) {
+            None => Ok(()),
+            Some(reason) => Err(BusError::Stopped {
+                reason: reason.to_owned(),
+            }),
+        }
+    }
+
     /// Runs a machine, which is furthest behind, as far as nothing can happen that it has to hear; or to where its transmitters
     /// have something to do. `nodes` is when the first of the nodes may do something.
     pub(super) fn run_machine(&mut self, index: usize, nodes: Time, deadline: Time) {

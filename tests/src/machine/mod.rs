@@ -8,6 +8,7 @@
 //!
 //! Time is exact to the instruction: each takes 8 ns, whatever it does. That is not what each takes in silicon.
 
+mod child;
 mod parts;
 mod qemu;
 mod transmitter;
@@ -196,6 +197,11 @@ impl Machine {
     /// Its name.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Why it has stopped, if it has: its process has died, or hangs. Its time passes on, and it does nothing.
+    pub fn failure(&self) -> Option<&str> {
+        self.qemu.failure()
     }
 
     /// Instructions executed since it was powered up.

@@ -2,20 +2,18 @@
 //!
 //! See `qemu/barrier.c` for how it is held. Whatever is done to it is done while its CPU stands still.
 
-use std::io::{Read, Write};
+use std::io::{self, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use super::child::{self, Child, PATIENCE};
 use super::parts::{Instructions, Parts};
 use crate::error::BusError;
 
 /// What the program is called.
 const PROGRAM: &str = "qemu-system-arm";
-
-/// How long to wait for the process to connect, or for it to answer: far more than it needs.
-const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A load or store of the firmware to a watched address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,8 +35,8 @@ pub struct Qemu {
     counted: Instructions,
     /// Interrupts that are over: where they began, and how long they were.
     interrupts: Vec<(u64, u64)>,
-    /// Holds the sockets.
-    _folder: tempfile::TempDir,
+    /// Why it runs no more.
+    failure: Option<String>,
 }
 
 /// The status register of a USART, and its flag that a character has come (RM0090 30.6.1).
@@ -108,9 +106,8 @@ impl Qemu {
                 .arg("-serial")
                 .arg(format!("unix:{}", path.display()));
         }
-        let mut child = command
-            .spawn()
-            .map_err(|error| failed(format!("{PROGRAM}: {error}")))?;
+        let mut child =
+            child::spawn(&mut command).map_err(|error| failed(format!("{PROGRAM}: {error}")))?;
         let mut accept = |listener: &UnixListener| accept(listener, &mut child).map_err(failed);
         let barrier = accept(&barrier)?;
         let qtest = accept(&qtest)?;
@@ -118,11 +115,15 @@ impl Qemu {
             .iter()
             .map(|(_, listener)| accept(listener))
             .collect::<Result<Vec<_>, _>>()?;
-        for serial in &serials {
-            serial
-                .set_nonblocking(true)
-                .map_err(|error| failed(error.to_string()))?;
-        }
+        // Nobody waits for the process without looking whether it is there.
+        let prepare = || -> io::Result<()> {
+            Child::prepare(&barrier)?;
+            Child::prepare(&qtest)?;
+            serials
+                .iter()
+                .try_for_each(|serial| serial.set_nonblocking(true))
+        };
+        prepare().map_err(|error| failed(error.to_string()))?;
         let mut qemu = Qemu {
             child,
             barrier,
@@ -130,10 +131,16 @@ impl Qemu {
             serials,
             counted: Instructions::default(),
             interrupts: Vec::new(),
-            _folder: folder,
+            failure: None,
         };
-        qemu.until_stopped(&mut Vec::new());
+        qemu.until_stopped(&mut Vec::new()).map_err(failed)?;
+        // The sockets are connected, and their folder goes away here: a process that is killed could not remove it.
         Ok(qemu)
+    }
+
+    /// Why it runs no more, if it does not: the process has died, or it hangs and was killed.
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.as_deref()
     }
 
     /// Instructions executed.
@@ -152,27 +159,27 @@ impl Qemu {
     }
 
     /// Runs to the first block of instructions that begins at `count` or later, or to the one behind a store that
-    /// stops it, whichever comes first. Gives what was accessed, in order.
-    ///
-    /// # Panics
-    /// If the process is gone.
+    /// stops it, whichever comes first. Gives what was accessed, in order. After a [`failure`](Self::failure) it does nothing more,
+    /// and has done so as far as it was told to.
     pub fn run_to(&mut self, count: u64) -> Vec<Access> {
         let mut accesses = Vec::new();
-        if count > self.counted.all {
-            self.barrier
-                .write_all(&count.to_ne_bytes())
-                .expect("QEMU runs");
-            self.until_stopped(&mut accesses);
+        if count > self.counted.all && self.failure.is_none() {
+            let told = self.barrier.write_all(&count.to_ne_bytes());
+            let ran = told
+                .map_err(|error| self.child.gone(error))
+                .and_then(|()| self.until_stopped(&mut accesses));
+            self.note(ran);
+        }
+        if self.failure.is_some() {
+            self.counted.all = self.counted.all.max(count);
         }
         accesses
     }
 
-    fn until_stopped(&mut self, accesses: &mut Vec<Access>) {
+    fn until_stopped(&mut self, accesses: &mut Vec<Access>) -> Result<(), String> {
         loop {
             let mut words = [[0; 8]; 4];
-            self.barrier
-                .read_exact(words.as_flattened_mut())
-                .expect("QEMU runs");
+            self.child.fill(&self.barrier, words.as_flattened_mut())?;
             let [kind, count, address, value] = words.map(u64::from_ne_bytes);
             match kind {
                 STOPPED => {
@@ -184,7 +191,7 @@ impl Qemu {
                     if accesses.iter().any(|access| access.stored.is_some()) {
                         self.drain();
                     }
-                    return;
+                    return Ok(());
                 }
                 STORE | LOAD => accesses.push(Access {
                     count,
@@ -207,26 +214,43 @@ impl Qemu {
     }
 
     /// One command of QEMU's test protocol; when the answer is there, the machine has done all that was asked before.
-    fn command(&mut self, command: &str) -> String {
-        self.qtest
-            .write_all(format!("{command}\n").as_bytes())
-            .expect("QEMU runs");
+    /// Nothing is answered after a [`failure`](Self::failure).
+    fn command(&mut self, command: &str) -> Option<String> {
+        if self.failure.is_some() {
+            return None;
+        }
+        let answer = self.answer(command);
+        self.note(answer)
+    }
+
+    fn answer(&mut self, command: &str) -> Result<String, String> {
+        let told = self.qtest.write_all(format!("{command}\n").as_bytes());
+        told.map_err(|error| self.child.gone(error))?;
         let mut answer = Vec::new();
         let mut some = [0; 64];
         while answer.last() != Some(&b'\n') {
-            let len = self.qtest.read(&mut some).expect("QEMU runs");
-            assert!(len > 0, "QEMU is gone");
+            let len = self.child.read(&self.qtest, &mut some)?;
             answer.extend(&some[..len]);
         }
-        String::from_utf8_lossy(&answer).trim_end().to_owned()
+        Ok(String::from_utf8_lossy(&answer).trim_end().to_owned())
     }
 
     /// Reads a register of a device.
-    fn read(&mut self, address: u64) -> u32 {
-        let answer = self.command(&format!("readl {address:#x}"));
+    fn read(&mut self, address: u64) -> Option<u32> {
+        let answer = self.command(&format!("readl {address:#x}"))?;
         let value = answer.strip_prefix("OK 0x");
         let value = value.and_then(|digits| u64::from_str_radix(digits, 16).ok());
-        value.unwrap_or_else(|| panic!("readl was answered {answer}")) as u32
+        Some(value.unwrap_or_else(|| panic!("readl was answered {answer}")) as u32)
+    }
+
+    /// Keeps the reason of a failure, and ends what is left of the process.
+    fn note<T>(&mut self, result: Result<T, String>) -> Option<T> {
+        result
+            .map_err(|reason| {
+                self.failure = Some(reason);
+                self.child.kill();
+            })
+            .ok()
     }
 
     /// Sets a register of a device.
@@ -242,23 +266,23 @@ impl Qemu {
     }
 
     /// Puts a character into the USART at this address, which must have room for it: the one before was read.
-    ///
-    /// # Panics
-    /// If it does not take it.
     pub fn deliver(&mut self, serial: usize, usart: u64, byte: u8) {
-        self.serials[serial].write_all(&[byte]).expect("QEMU runs");
+        if self.failure.is_some() {
+            return;
+        }
+        let told = self.serials[serial].write_all(&[byte]);
+        let told = told.map_err(|error| self.child.gone(error));
+        self.note(told);
         let start = Instant::now();
         // The main loop takes it from the socket whenever it comes to it; the machine's own time stands still meanwhile.
-        while self.read(usart + SR) & u32::from(RXNE) == 0 {
-            assert!(start.elapsed() < PATIENCE, "the USART takes nothing");
+        while self
+            .read(usart + SR)
+            .is_some_and(|sr| sr & u32::from(RXNE) == 0)
+        {
+            if start.elapsed() > PATIENCE {
+                self.note::<()>(Err("a USART takes nothing".to_owned()));
+            }
         }
-    }
-}
-
-impl Drop for Qemu {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -273,12 +297,7 @@ fn accept(listener: &UnixListener, child: &mut Child) -> Result<UnixStream, Stri
             Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
             Err(error) => return Err(error.to_string()),
         }
-        if let Ok(Some(status)) = child.try_wait() {
-            return Err(format!("{PROGRAM} ended with {status}"));
-        }
-        if start.elapsed() > PATIENCE {
-            return Err(format!("{PROGRAM} does not connect"));
-        }
+        child.check(start)?;
         std::thread::sleep(Duration::from_millis(2));
     }
 }

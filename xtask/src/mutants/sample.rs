@@ -162,7 +162,8 @@ fn choose(names: &mut Vec<String>, count: usize, seed: u64) {
 fn literally(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
-        if !(c.is_alphanumeric() || c == '_' || c == ' ' || c == '/' || c == ':') {
+        // Not every sign: \< and \> are ends of words.
+        if "\\.+*?()|[]{}^$".contains(c) {
             out.push('\\');
         }
         out.push(c);
@@ -264,7 +265,7 @@ mod tests {
             without_place(name),
             "protocol/src/crc.rs: replace f -> u8 with 0"
         );
-        assert_eq!(literally("a<b> c::d"), "a\\<b\\> c::d");
+        assert_eq!(literally("a<b> -> (c::d)"), "a<b> -> \\(c::d\\)");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Rig, assert_bus_rules, example, frames};
+use common::{Rig, Rules, assert_bus_rules, example, frames};
 use multidrop_bus::{Bus, BusConfig, Format, HostId, HostPort, Line, Nano, Time, Tx};
 
 /// As the example starts.
@@ -34,7 +34,7 @@ const CHARACTER: u8 = 1 << 6;
 const REQUEST: &[u8] = b":1103006B00037E\r\n";
 
 fn rig() -> Rig {
-    Rig::with(&[&example("ascii_line")], START)
+    Rig::with(&[&example("ascii_line")], START).ascii()
 }
 
 /// Unit id and PDU as a frame.
@@ -374,7 +374,7 @@ fn rtu_with_seven_bits_is_refused_and_the_old_settings_are_kept() {
         assert_eq!(answer.expect("an answer").bytes, text(b"no"), "{format}");
     }
     assert_eq!(wires.ask(&[17, 1, 2]), text(&[17, 1, 2]));
-    assert_bus_rules(&wires.bus, START);
+    assert_bus_rules(&wires.bus, Rules::ascii(START));
 }
 
 /// Frames of neighbours and a request, without a gap between characters nor between frames. At 1 Mbaud, where RTU works, some are

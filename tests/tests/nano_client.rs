@@ -3,7 +3,7 @@
 mod common;
 
 use common::frames::words;
-use common::{LINE, assert_bus_rules, example, image};
+use common::{LINE, Rules, assert_bus_rules, example, image};
 use multidrop_bus::{
     Bus, BusConfig, Framing, HostId, HostPort, Level, Nano, NodeId, Pin, Station, Time, framed,
 };
@@ -39,7 +39,7 @@ fn asks_every_function_of_the_conformance_image_once() {
     assert!(bus.run_until(done, Time::from_s(20)), "{}", bus.record());
     let gaps = gaps(&bus, client);
     bus.run_for(Time::from_ms(20));
-    assert_bus_rules(&bus, (LINE, DE_LAG));
+    assert_bus_rules(&bus, Rules::client(LINE));
     bus.clear_record();
 
     let answer = bus.transact(host, &words(17, 3, 40, 41), Time::from_ms(100));

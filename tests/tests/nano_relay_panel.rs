@@ -3,7 +3,7 @@
 mod common;
 
 use common::frames::{adu, data, exception, words};
-use common::{LINE, assert_bus_rules, image};
+use common::{LINE, Rules, assert_bus_rules, image};
 use multidrop_bus::{
     Bus, BusConfig, Frame, Framing, HostId, HostPort, Level, Nano, NodeId, Pin, Station, Time, Tx,
     framed,
@@ -142,7 +142,7 @@ impl Rig {
     /// Checks the rules of the bus and forgets what was.
     fn check(&mut self) {
         self.bus.run_for(CHECK);
-        assert_bus_rules(&self.bus, (LINE, DE_LAG));
+        assert_bus_rules(&self.bus, Rules::client(LINE));
         self.bus.clear_record();
         self.asked.clear();
     }
@@ -423,7 +423,7 @@ fn it_works_with_relay_board() {
     assert_eq!(bus.node(board).output(Pin::D5), Level::High);
     assert_eq!(bus.node(board).output(Pin::D4), Level::Low);
     assert_eq!(bus.node(panel).output(LEDS[1]), Level::High);
-    assert_bus_rules(&bus, (LINE, DE_LAG));
+    assert_bus_rules(&bus, Rules::client(LINE));
     bus.clear_record();
 
     // Between two polls a host may ask it too.

@@ -22,9 +22,13 @@ impl Board {
     fn boot(self, way: Way, line: Line) -> (Rig, Plain) {
         let image = conformance(self, way, line);
         let version = env!("CARGO_PKG_VERSION");
-        match self {
+        let (rig, plain) = match self {
             Board::Nano => (Rig::with(&[&image], line), Plain::new("nano", version, 0)),
             Board::Stm32 => (Rig::stm32(&image, line), Plain::new("stm32", version, 32)),
+        };
+        match way {
+            Way::Rtu => (rig, plain),
+            Way::Ascii => (rig.ascii(), plain),
         }
     }
 }

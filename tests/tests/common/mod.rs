@@ -19,7 +19,7 @@ pub use images::{
     stm32_registers_at,
 };
 pub use rig::Rig;
-pub use rules::{DE_LAG, assert_bus_rules};
+pub use rules::{DE_LAG, Rules, assert_bus_rules};
 
 use multidrop_bus::{Format, Line};
 

@@ -8,7 +8,7 @@ use multidrop_bus::{
 };
 
 use super::frames::{adu, data, words};
-use super::{LINE, assert_bus_rules, image, registers};
+use super::{LINE, Rules, assert_bus_rules, image, registers};
 
 /// A bus with one host and nodes. Every exchange is held against the rules of the bus.
 pub struct Rig {
@@ -24,6 +24,8 @@ pub struct Rig {
     pub answered: usize,
     /// How long after t3.5 an answer may begin.
     pub slack: Time,
+    /// Whether ASCII is spoken.
+    is_ascii: bool,
 }
 
 impl Rig {
@@ -45,6 +47,7 @@ impl Rig {
             line,
             answered: 0,
             slack: Time::from_ms(3),
+            is_ascii: false,
         };
         rig.pause(Time::from_ms(20));
         rig
@@ -68,6 +71,7 @@ impl Rig {
             line,
             answered: 0,
             slack: Time::from_ms(3),
+            is_ascii: false,
         };
         rig.pause(Time::from_ms(20));
         rig
@@ -93,6 +97,14 @@ impl Rig {
         Self::with(&paths, LINE)
     }
 
+    /// The same, whose nodes speak ASCII.
+    pub fn ascii(self) -> Self {
+        Rig {
+            is_ascii: true,
+            ..self
+        }
+    }
+
     /// The first node.
     pub fn node(&self) -> NodeId {
         self.nodes[0]
@@ -111,7 +123,11 @@ impl Rig {
 
     /// Holds what was recorded against the rules and forgets it.
     pub fn check(&mut self) {
-        assert_bus_rules(&self.bus, self.line);
+        let rules = match self.is_ascii {
+            true => Rules::ascii(self.line),
+            false => self.line.into(),
+        };
+        assert_bus_rules(&self.bus, rules);
         let bytes = self.bus.record().bytes().iter();
         self.answered = bytes
             .filter(|byte| byte.from != Station::Host(self.host))

@@ -12,32 +12,53 @@ const RS4: usize = 3;
 pub struct Rules {
     line: Line,
     de_lag: Time,
+    /// Whether what is sent answers RTU frames.
+    answers_rtu: bool,
 }
 
 impl From<Line> for Rules {
+    /// Servers that speak RTU.
     fn from(line: Line) -> Self {
-        (line, DE_LAG).into()
+        Rules {
+            line,
+            de_lag: DE_LAG,
+            answers_rtu: true,
+        }
     }
 }
 
-impl From<(Line, Time)> for Rules {
-    fn from((line, de_lag): (Line, Time)) -> Self {
-        Rules { line, de_lag }
+impl Rules {
+    /// Clients: what they send is no answer.
+    pub fn client(line: Line) -> Self {
+        Rules {
+            answers_rtu: false,
+            ..line.into()
+        }
+    }
+
+    /// Servers that speak ASCII, which has up to a second between characters.
+    pub fn ascii(line: Line) -> Self {
+        Rules::client(line)
     }
 }
 
 /// Checks the record, which must begin and end in silence:
 /// - no two drivers ever disagreed;
-/// - a node drives for answers alone: DE up at most one character before the first start bit, no
+/// - a node drives for answers alone: DE up at most one bit before the first start bit, no
 ///   idle time between characters, DE down within 10 us of the last stop bit and never before its
-///   end (SER 2.5.1.1 and the half-duplex rules of SER 3.2);
-/// - no answer begins before t3.5 after the last character of anyone else, or while one is sent.
+///   end (SER 2.5.1.1 and the half-duplex rules of SER 3.2), characters as long as those of the line;
+/// - no answer begins before t3.5 after the last character of anyone else, or while one is sent;
+/// - no frame of RTU is answered that has a gap of more than t1.5 and a bit, or a damaged character.
 ///
-/// `rules` is the line; or the line and how long DE may stay up instead, for nodes that have more to do in
-/// their interrupts.
+/// `rules` is the line, for servers that speak RTU; others have [`Rules`] of their own.
 pub fn assert_bus_rules(bus: &Bus, rules: impl Into<Rules>) {
-    let Rules { line, de_lag } = rules.into();
+    let Rules {
+        line,
+        de_lag,
+        answers_rtu,
+    } = rules.into();
     let record = bus.record();
+    let bit = Time::from_us(1_000_000 / u64::from(line.baud) + 1);
     assert_eq!(record.conflicts(), [], "\n{record}");
     for (_, node) in bus.nodes() {
         assert_eq!(node.bad_opcodes(), 0, "{} ran wild", node.name());
@@ -55,7 +76,7 @@ pub fn assert_bus_rules(bus: &Bus, rules: impl Into<Rules>) {
             if first.start < on {
                 broken("a character before DE");
             }
-            if first.start - on > line.character() {
+            if first.start - on > bit {
                 broken("DE up too early");
             }
             if off < last.end {
@@ -70,9 +91,24 @@ pub fn assert_bus_rules(bus: &Bus, rules: impl Into<Rules>) {
             if !answer.iter().all(|byte| byte.is_good()) {
                 broken("a damaged character");
             }
+            // A clock may be off by 2.5 % and more on the Nano; a bit more or less is a tenth.
+            let sent_bits = last.end - first.start;
+            let all = line.character() * answer.len() as u64;
+            if sent_bits * 20 > all * 21 || sent_bits * 20 < all * 19 {
+                broken("characters of another length");
+            }
             let others = |byte: &&WireByte| byte.from != station && byte.start < off;
             let heard = record.bytes().iter().filter(others);
+            let heard: Vec<_> = heard.collect();
+            if answers_rtu {
+                match flaw(&heard, line, bit) {
+                    Some(Flaw::Gap) => broken("an answer to a frame with a gap"),
+                    Some(Flaw::Damaged) => broken("an answer to a damaged frame"),
+                    None => {}
+                }
+            }
             if heard
+                .iter()
                 .map(|byte| byte.end + line.t35())
                 .any(|end| end > first.start)
             {
@@ -83,6 +119,30 @@ pub fn assert_bus_rules(bus: &Bus, rules: impl Into<Rules>) {
             broken("a character without DE");
         }
     }
+}
+
+enum Flaw {
+    Gap,
+    Damaged,
+}
+
+/// What is wrong with the last frame of these characters.
+fn flaw(heard: &[&WireByte], line: Line, bit: Time) -> Option<Flaw> {
+    let pause = |pair: &[&WireByte]| pair[1].start - pair[0].end.min(pair[1].start);
+    // What begins a little before t3.5 by one clock begins behind it by another.
+    let apart = |pair: &[&WireByte]| pause(pair) * 100 >= line.t35() * 95;
+    let first = heard
+        .windows(2)
+        .rposition(apart)
+        .map_or(0, |place| place + 1);
+    let frame = &heard[first..];
+    if frame.iter().any(|byte| !byte.is_good()) {
+        return Some(Flaw::Damaged);
+    }
+    frame
+        .windows(2)
+        .any(|pair| pause(pair) > line.t15() + bit)
+        .then_some(Flaw::Gap)
 }
 
 /// When a station's driver was on, from and to.

@@ -10,8 +10,10 @@
 pub mod options;
 pub mod outputs;
 
+use embassy_avr_hal::pac;
 use embassy_avr_hal::usart::{Framings, RtuAndAscii, Settings, Usart0};
 use multidrop_firmware::PortConfig;
+pub use multidrop_firmware::ResetCause;
 use multidrop_firmware::line::LineError;
 use multidrop_firmware::protocol::message::Message;
 use multidrop_firmware::protocol::port_registers::Duplex;
@@ -75,6 +77,26 @@ pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
             .text(": framing is ASCII, must be RTU on a line of type Rs485; Rs485Ascii has both")
             .fail(),
     }
+}
+
+/// Finds out why the board has started, and gives its peripherals. The first thing in `main`.
+///
+/// # Panics
+/// The second time.
+#[inline(always)]
+pub fn init() -> pac::Peripherals {
+    #[cfg(not(feature = "bare"))]
+    embassy_avr_hal::fault::find_cause();
+    pac::Peripherals::take().unwrap()
+}
+
+/// Why the board has started; [`ResetCause::Other`] in an image that is built bare. [`ResetCause::tell`] puts it into the
+/// diagnostic register.
+pub fn reset_cause() -> ResetCause {
+    #[cfg(not(feature = "bare"))]
+    return embassy_avr_hal::fault::reset_cause();
+    #[cfg(feature = "bare")]
+    ResetCause::Other
 }
 
 #[panic_handler]

@@ -1,15 +1,16 @@
 //! What an application does with the board: [`init`], open the ports it uses, [`run`] its tasks.
 
 use core::marker::PhantomData;
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicU8, Ordering};
 
 #[cfg(feature = "defmt")]
 use defmt_rtt as _;
 use embassy_executor::Spawner;
+use multidrop_firmware::ResetCause;
 
-use crate::platform;
 use crate::ports::{As1, As2, LEDS, Port, PortSettings, Rs2, Rs4};
 use crate::usart::{Usart, registers};
+use crate::{fault, platform};
 
 /// A port not opened yet: its pins are inputs.
 pub struct Closed<P>(PhantomData<P>);
@@ -34,21 +35,31 @@ pub struct Board {
     pub rs4: Closed<Rs4>,
 }
 
+/// Why the board has started, as its number; 0 before [`init`].
+static CAUSE: AtomicU8 = AtomicU8::new(0);
+
 /// Starts clocks, timers and interrupts. The first thing in `main`.
 ///
 /// # Panics
 /// The second time.
 pub fn init() -> Board {
-    static DONE: AtomicBool = AtomicBool::new(false);
-    assert!(!DONE.swap(true, Ordering::Relaxed));
+    assert!(CAUSE.load(Ordering::Relaxed) == 0);
+    let cause = fault::cause();
+    CAUSE.store(cause as u8, Ordering::Relaxed);
     registers::enable_clocks();
     platform::init();
+    crate::info!("started: {}", cause.name());
     Board {
         as1: Closed(PhantomData),
         as2: Closed(PhantomData),
         rs2: Closed(PhantomData),
         rs4: Closed(PhantomData),
     }
+}
+
+/// Why the board has started. [`ResetCause::tell`] puts it into the diagnostic register.
+pub fn reset_cause() -> ResetCause {
+    ResetCause::from_number(CAUSE.load(Ordering::Relaxed))
 }
 
 /// Runs tasks for ever; the CPU sleeps between them, except in QEMU. `init` spawns the first of them.

@@ -32,13 +32,16 @@ pub mod usart;
 #[cfg(target_arch = "arm")]
 mod board;
 #[cfg(target_arch = "arm")]
+mod fault;
+#[cfg(target_arch = "arm")]
 mod platform;
 
 #[cfg(target_arch = "arm")]
-pub use board::{Board, Closed, init, outputs, run};
+pub use board::{Board, Closed, init, outputs, reset_cause, run};
 #[cfg(all(target_arch = "arm", feature = "qemu"))]
 #[doc(hidden)]
 pub use board::{wrap_line_timer_in, wrap_time_in};
+pub use multidrop_firmware::ResetCause;
 
 /// The timer of the lines, in ticks per second: TIM5 behind its prescaler.
 pub const TICK_HZ: u32 = if cfg!(feature = "qemu") {

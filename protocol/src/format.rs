@@ -11,6 +11,20 @@ pub enum Framing {
     Text,
 }
 
+impl Framing {
+    /// Characters of a frame with `len` bytes of unit id, function code and data, or of so many bytes of text.
+    pub const fn characters(self, len: u8) -> u16 {
+        let len = len as u16;
+        match self {
+            // Two bytes of CRC (SER 2.5.1.2).
+            Framing::Rtu => len + 2,
+            // `:`, two digits for each byte and for the LRC, CR and LF (SER 2.5.2.2).
+            Framing::Ascii => 2 * len + 5,
+            Framing::Text => len,
+        }
+    }
+}
+
 /// Parity of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Parity {

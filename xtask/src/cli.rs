@@ -109,6 +109,9 @@ pub struct ImageOptions {
     /// ASCII instead of RTU, for conformance; 7E1 if no format is given
     #[arg(long)]
     ascii: bool,
+    /// registers with the guards that every other application has: watchdog, stack guard, bound on DE
+    #[arg(long)]
+    guarded: bool,
     /// For the stm32 in QEMU, as the simulated bus runs it
     #[arg(long)]
     qemu: bool,
@@ -123,6 +126,7 @@ impl From<&ImageOptions> for Options {
             format: given.format,
             clock: given.clock,
             ascii: given.ascii,
+            guarded: given.guarded,
             qemu: given.qemu,
         }
     }

@@ -155,8 +155,12 @@ impl Builder {
             .args(["build", "--release", "--bin", &image.app()])
             .arg("--target-dir")
             .arg(repo::root().join(image.board().target_dir()));
-        if image.is_for_qemu() {
-            cargo.args(["--no-default-features", "--features", "qemu"]);
+        let (by_default, features) = image.features();
+        if !by_default {
+            cargo.arg("--no-default-features");
+        }
+        if !features.is_empty() {
+            cargo.args(["--features", &features.join(",")]);
         }
         for (name, value) in image.environment() {
             match value {
@@ -180,6 +184,7 @@ impl Builder {
         let mut hasher = DefaultHasher::new();
         self.toolchain.version().hash(&mut hasher);
         image.environment().hash(&mut hasher);
+        image.features().hash(&mut hasher);
         for file in files {
             let contents = fs::read(&file).map_err(|error| Error::io(file.display(), error))?;
             (file, contents).hash(&mut hasher);

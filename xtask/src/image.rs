@@ -41,8 +41,15 @@ impl Board {
                 App::RelayPanel,
                 App::RelayBoard,
                 App::ClientFunctions,
+                App::Faults,
             ],
-            Self::Stm32 => &[App::DemoUnit, App::Registers, App::Conformance, App::Ports],
+            Self::Stm32 => &[
+                App::DemoUnit,
+                App::Registers,
+                App::Conformance,
+                App::Ports,
+                App::Faults,
+            ],
         }
     }
 }
@@ -74,6 +81,9 @@ pub enum App {
     ClientFunctions,
     /// Four ports at once: master, two slaves, sniffer
     Ports,
+    /// A unit that fails while it answers, for tests
+    #[value(hide = true)]
+    Faults,
 }
 
 impl App {
@@ -142,6 +152,8 @@ pub struct Options {
     pub clock: Option<u32>,
     /// ASCII framing instead of RTU; the format is then 7E1 unless another is given.
     pub ascii: bool,
+    /// The yardstick with the guards that every other application has.
+    pub guarded: bool,
     /// For the STM32 in QEMU instead of the chip.
     pub qemu: bool,
 }
@@ -191,6 +203,12 @@ impl Image {
                 word(app)
             )));
         }
+        if options.guarded && app != App::Registers {
+            return Err(Error::usage(format!(
+                "--guarded: {} has its guards; only registers is built without",
+                word(app)
+            )));
+        }
         if app == App::Ports && (options.baud.is_some() || options.format.is_some()) {
             return Err(Error::usage(
                 "--baud, --format: ports has four lines, which are set at run time; see its source",
@@ -228,18 +246,30 @@ impl Image {
         self.options.qemu
     }
 
+    /// Features of the board's crate that it is built with, and whether the default ones are too.
+    pub fn features(&self) -> (bool, Vec<&'static str>) {
+        let mut features = Vec::new();
+        if self.is_for_qemu() {
+            features.push("qemu");
+        }
+        if self.app == App::Registers && !self.options.guarded {
+            features.push("bare");
+        }
+        (!self.is_for_qemu(), features)
+    }
+
     /// The name of the application's binary.
     pub fn app(&self) -> String {
         word(self.app)
     }
 
     /// File name without extension: board, application, then the options that were given, in the
-    /// order unit, count, baud, format, clock, ascii, qemu.
+    /// order unit, count, baud, format, clock, ascii, guarded, qemu.
     pub fn stem(&self) -> String {
         let mut stem = format!("{}-{}", word(self.board), word(self.app));
         for (name, value) in self.given() {
             stem.push_str(&match name {
-                "ascii" | "qemu" => format!("-{name}"),
+                "ascii" | "guarded" | "qemu" => format!("-{name}"),
                 _ => format!("-{name}{value}"),
             });
         }
@@ -275,6 +305,7 @@ impl Image {
             format,
             clock,
             ascii,
+            guarded,
             qemu,
         } = self.options;
         [
@@ -284,6 +315,7 @@ impl Image {
             ("format", format.map(word)),
             ("clock", clock.map(|n| n.to_string())),
             ("ascii", ascii.then(|| "1".to_owned())),
+            ("guarded", guarded.then(|| "1".to_owned())),
             ("qemu", qemu.then(|| "1".to_owned())),
         ]
         .into_iter()

@@ -7,11 +7,13 @@
 //! | [`time`] | a driver for `embassy-time`, linked only where it is bound |
 //! | [`gpio`] | pins with the `embedded-hal` 1.0 traits |
 //! | [`eeprom`] | the 1024 bytes of EEPROM, written in the background |
+//! | [`fault`] | what becomes of a panic, and why the chip has started |
+//! | [`watchdog`] | the watchdog |
 //! | [`baud`] | divider and error of a baud rate |
 //!
 //! Timer1 belongs to this crate: it runs free at an eighth of the clock, compare B measures the
 //! silence on the line, compare A is the alarm of `embassy-time`. Timer0 and Timer2 are the user's.
-//! So is everything else, but for GPIOR0 (flags of the executor), GPIOR1 (the line's) and bit 0 of PCMSK2
+//! So is everything else, but for GPIOR0 (flags of the executor), GPIOR1 and GPIOR2 (the line's) and bit 0 of PCMSK2
 //! (the start-bit detector, see [`usart`]).
 //!
 //! "DS" is the ATmega328P data sheet, Microchip DS40002061B.
@@ -21,9 +23,13 @@
 pub mod baud;
 pub mod eeprom;
 pub mod executor;
+#[cfg(not(feature = "bare"))]
+pub mod fault;
 pub mod gpio;
 pub mod time;
 pub mod usart;
+#[cfg(not(feature = "bare"))]
+pub mod watchdog;
 
 #[cfg(target_arch = "avr")]
 mod mem;

@@ -43,7 +43,7 @@
 
 use board_nano::{CLOCK_HZ, Rs485Option as Rs485, options, settings};
 use embassy_avr_hal::gpio::{Output, PB5, Pins};
-use embassy_avr_hal::{bind_time, bind_usart0, pac};
+use embassy_avr_hal::{bind_time, bind_usart0};
 use embassy_time::Timer;
 use multidrop_firmware::protocol::client::{
     Diagnostic, FileData, FileRange, GetEventCounter, GetEventLog, MaskWrite, Raw, ReadBits,
@@ -301,7 +301,7 @@ async fn ask(port: &'static Port, mut led: Output<PB5>) {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = pac::Peripherals::take().unwrap();
+    let chip = board_nano::init();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,

@@ -4,7 +4,7 @@
 #![feature(abi_avr_interrupt)]
 
 use board_nano::{Rs485Option as Rs485, options, settings};
-use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
+use embassy_avr_hal::{bind_usart0, executor, gpio::Pins};
 use multidrop_firmware::conformance::{Conformance, EVENTS, UNIT};
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::protocol::server::Counted;
@@ -35,7 +35,7 @@ async fn serve(port: &'static Port, model: &'static Model) -> ! {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = pac::Peripherals::take().unwrap();
+    let chip = board_nano::init();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,

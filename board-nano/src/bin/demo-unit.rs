@@ -5,7 +5,7 @@
 
 use board_nano::outputs::outputs;
 use board_nano::{Rs485, options, settings};
-use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
+use embassy_avr_hal::{bind_usart0, executor, gpio::Pins};
 use multidrop_firmware::demo_unit::DemoUnit;
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::{Port, PortConfig, Shared};
@@ -34,7 +34,7 @@ async fn serve(port: &'static Port<Rs485>) -> ! {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = pac::Peripherals::take().unwrap();
+    let chip = board_nano::init();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,

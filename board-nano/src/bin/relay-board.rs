@@ -6,7 +6,7 @@
 
 use board_nano::{Rs485, options, settings};
 use embassy_avr_hal::gpio::{Pins, PortDOut};
-use embassy_avr_hal::{bind_usart0, executor, pac};
+use embassy_avr_hal::{bind_usart0, executor};
 use multidrop_firmware::protocol::data::{Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::format::LineFormat;
@@ -102,7 +102,7 @@ async fn serve(port: &'static Port<Rs485>) -> ! {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = pac::Peripherals::take().unwrap();
+    let chip = board_nano::init();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,

@@ -19,7 +19,7 @@ use core::cell::{Cell, RefCell};
 
 use board_nano::{CLOCK_HZ, Rs485, options, settings};
 use embassy_avr_hal::gpio::{Input, Output, PB5, PD3, PD4, PD5, PD6, Pins};
-use embassy_avr_hal::{bind_time, bind_usart0, pac};
+use embassy_avr_hal::{bind_time, bind_usart0};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Ticker, with_timeout};
@@ -176,7 +176,7 @@ async fn error(panel: &'static Panel, mut led: Output<PB5>) -> ! {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = pac::Peripherals::take().unwrap();
+    let chip = board_nano::init();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,

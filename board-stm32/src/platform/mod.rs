@@ -32,14 +32,16 @@ const ALARMS: Priority = Priority::P1;
 #[cfg(feature = "hardware")]
 const OTHERS: Priority = Priority::P8;
 
-/// The highest bit of a priority is its group, the other three bits say who goes first (ARMv7-M B3.2.6,
-/// PRIGROUP 6; PM0214 4.4.5).
+/// PRIGROUP of AIRCR: the highest bit of a priority is its group, the other three bits say who goes first (ARMv7-M
+/// B3.2.6; PM0214 4.4.5).
+pub(crate) const PRIORITY_GROUPS: u32 = 6 << 8;
+
 fn group_priorities() {
     const VECTKEY: u32 = 0x05FA << 16;
     // SAFETY: AIRCR holds nothing else that is kept.
     unsafe {
         (*cortex_m::peripheral::SCB::PTR)
             .aircr
-            .write(VECTKEY | 6 << 8);
+            .write(VECTKEY | PRIORITY_GROUPS);
     }
 }

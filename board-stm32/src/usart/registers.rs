@@ -263,6 +263,13 @@ fn connect_pin(pin: Pin, function: u8) {
     gpio.moder().modify(|w| w.set_moder(n, Moder::ALTERNATE));
 }
 
+/// Takes every driver off the bus, whatever state its port is in (RM0090 8.4.7).
+pub(crate) fn lower_all_de() {
+    for de in WIRING.iter().filter_map(|wiring| wiring.de) {
+        gpio(de).bsrr().write(|w| w.set_br(de.number.into(), true));
+    }
+}
+
 /// The registers of a pin's port.
 const fn gpio(pin: Pin) -> Gpio {
     match pin.gpio {

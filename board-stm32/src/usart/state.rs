@@ -82,6 +82,8 @@ pub(super) struct Chip {
     awaited: Awaited,
     /// What the alarm was last set to.
     alarm_at: u32,
+    /// Ticks from there to the end of the time for which the port may send.
+    bound_left: u32,
     pub receiver: WakerRegistration,
     pub user: WakerRegistration,
 }
@@ -99,6 +101,7 @@ impl State {
                 ascii: Ascii::new(),
                 awaited: Awaited::Nothing,
                 alarm_at: 0,
+                bound_left: 0,
                 receiver: WakerRegistration::new(),
                 user: WakerRegistration::new(),
             },
@@ -196,6 +199,14 @@ impl Chip {
         platform::set_alarm(self.port.into(), at);
     }
 
+    /// Sets the alarm to the end of the bound, or as far towards it as goes.
+    fn set_bound(&mut self) {
+        let ticks = self.bound_left.min(FARTHEST);
+        self.bound_left -= ticks;
+        self.set_alarm(self.alarm_at.wrapping_add(ticks));
+        self.alarm_on();
+    }
+
     #[inline(always)]
     fn put_character(&mut self, byte: u8) {
         self.registers.put(byte | self.settings.mark);
@@ -208,7 +219,12 @@ impl Chip {
     }
 }
 
+/// The farthest that an alarm is set: what is more counts as passed.
+const FARTHEST: u32 = 1 << 30;
+
 impl Wire for Chip {
+    const IS_BOUNDED: bool = !cfg!(feature = "bare");
+
     #[inline(always)]
     fn ascii(&mut self) -> Option<&mut Ascii> {
         (self.settings.framing == Framing::Ascii).then_some(&mut self.ascii)
@@ -289,6 +305,21 @@ impl Wire for Chip {
         self.put_character(first);
         self.awaited = Awaited::Ready;
         self.registers.send(&self.settings, TXE);
+    }
+
+    fn bound(&mut self, len: u8) {
+        let characters = self.settings.framing.characters(len);
+        self.bound_left = self.settings.character * (u32::from(characters) + 1);
+        self.alarm_at = platform::now();
+        self.set_bound();
+    }
+
+    fn is_bound_over(&mut self) -> bool {
+        if self.bound_left == 0 {
+            return true;
+        }
+        self.set_bound();
+        false
     }
 
     #[inline(always)]

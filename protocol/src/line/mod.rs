@@ -21,7 +21,7 @@
 //! | complete | voids the frame | t3.5 less the margin: the frame stands |
 //! | settled | begins a frame | t3.5: a released answer starts |
 //! | silent | begins a frame | - |
-//! | sending | - (the receiver is off) | - |
+//! | sending | - (the receiver is off) | what is sent takes too long: the bus is let go of |
 //! | sent, or held back | begins a frame | t3.5: silent |
 
 pub mod ascii;
@@ -190,6 +190,11 @@ impl LineMachine {
             Phase::Complete | Phase::CompleteBegun => self.on_stand(wire),
             Phase::Settled => self.on_start(wire),
             Phase::Sent => self.on_free(wire),
+            Phase::Sending if W::IS_BOUNDED => {
+                if wire.is_bound_over() {
+                    self.cut_off(wire);
+                }
+            }
             Phase::Silent | Phase::Sending => wire.alarm_off(),
         }
     }
@@ -318,11 +323,30 @@ impl LineMachine {
     #[inline(never)]
     fn start<W: Wire>(&mut self, wire: &mut W) {
         wire.talk(self.first);
+        if W::IS_BOUNDED {
+            wire.bound(self.len);
+        }
         self.verdict = Verdict::Sent;
         self.phase = Phase::Sending;
         if wire.is_ready() {
             self.on_ready(wire);
         }
+    }
+
+    /// The transmitter does not come to its end: the bus is let go of, and what was released is lost.
+    #[inline(always)]
+    fn cut_off<W: Wire>(&mut self, wire: &mut W) {
+        self.verdict = Verdict::Late;
+        self.end_sending(wire);
+    }
+
+    #[inline(always)]
+    fn end_sending<W: Wire>(&mut self, wire: &mut W) {
+        wire.listen();
+        self.phase = Phase::Sent;
+        wire.alarm(Interval::T3_5);
+        wire.alarm_on();
+        wire.wake_user();
     }
 
     /// The transmitter takes another byte.
@@ -365,11 +389,7 @@ impl LineMachine {
         if !self.is_over(wire) {
             return;
         }
-        wire.listen();
-        self.phase = Phase::Sent;
-        wire.alarm(Interval::T3_5);
-        wire.alarm_on();
-        wire.wake_user();
+        self.end_sending(wire);
     }
 
     /// A good frame, which is lent by this, as its length without check bytes; or a damaged one, as its flaws.

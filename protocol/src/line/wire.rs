@@ -24,6 +24,8 @@ pub enum Interval {
 
 /// What the machine needs of a USART, a timer, and two tasks.
 pub trait Wire {
+    /// Whether the driver bounds the time for which it sends. What is for that costs one that does not nothing.
+    const IS_BOUNDED: bool = false;
     /// What the line keeps for ASCII, if it is set up for that now. A driver that never is has nothing to do, and what is for
     /// ASCII costs it nothing.
     #[inline(always)]
@@ -60,6 +62,17 @@ pub trait Wire {
     fn adu(&self) -> &Adu;
     /// Receiver off, DE up, first character out.
     fn talk(&mut self, first: u8);
+    /// A transmission of `len` bytes of unit id, function code and data, or of text, has begun: has the alarm go off when the time
+    /// of the characters that these take, and of one more, is over. It may go off before.
+    #[inline(always)]
+    fn bound(&mut self, len: u8) {
+        let _ = len;
+    }
+    /// The alarm went off while the driver sends: whether that time is over. If not the alarm is set for what is left.
+    #[inline(always)]
+    fn is_bound_over(&mut self) -> bool {
+        false
+    }
     /// Whether the transmitter takes another byte.
     fn is_ready(&mut self) -> bool;
     /// One more byte; the last one if `last`.

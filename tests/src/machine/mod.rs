@@ -114,6 +114,11 @@ const TXE: u32 = 1 << 7;
 /// BSRR of GPIOA (RM0090 8.4.7).
 const GPIOA_BSRR: u64 = 0x4002_0018;
 
+/// AIRCR (ARMv7-M B3.2.6), and what asks for a system reset there.
+const AIRCR: u64 = 0xE000_ED0C;
+const VECTKEY: u32 = 0x05FA << 16;
+const SYSRESETREQ: u32 = 1 << 2;
+
 /// Instructions in a second.
 const INSTRUCTIONS_HZ: u32 = 125_000_000;
 
@@ -155,6 +160,7 @@ impl Machine {
     pub(crate) fn new(stm32: Stm32, parts: Parts, now: Time) -> Result<Self, BusError> {
         let mut watched: Vec<_> = USARTS.iter().map(|u| (u.base, u.base + CR3)).collect();
         watched.push((GPIOA_BSRR, GPIOA_BSRR));
+        watched.push((AIRCR, AIRCR));
         let stops: Vec<_> = USARTS.iter().map(|u| u.base + DR).collect();
         let (image, plugin) = (&stm32.image, &stm32.plugin);
         let qemu = Qemu::start(image, plugin, USARTS.len(), &watched, &stops, &parts)?;
@@ -286,6 +292,13 @@ impl Port {
             outputs.extend(self.driven(value, at));
             return;
         }
+        if access.address == AIRCR {
+            let resets = value & !0xFFFF == VECTKEY && value & SYSRESETREQ != 0;
+            if resets {
+                outputs.extend(self.reset(at));
+            }
+            return;
+        }
         let Some(register) = access.address.checked_sub(self.usart.base) else {
             return;
         };
@@ -314,6 +327,15 @@ impl Port {
         let sets = value >> bit & 1 != 0;
         let resets = value >> (16 + bit) & 1 != 0;
         (sets || resets).then_some(MachineOutput::Drive(self.host, at, sets))
+    }
+
+    /// The chip is reset, which QEMU does by itself with all that it knows of. Its pins float, and DE is pulled down.
+    fn reset(&mut self, at: Time) -> Option<MachineOutput> {
+        (self.brr, self.cr1, self.cr2) = (0, 0, 0);
+        self.transmitter = Transmitter::default();
+        (self.sending, self.received) = (TXE | TC, 0);
+        self.usart.de?;
+        Some(MachineOutput::Drive(self.host, at, false))
     }
 
     /// Puts on the wire what begins there until `now`.

@@ -134,3 +134,12 @@ pub fn stm32_registers() -> PathBuf {
 pub fn stm32_registers_at(line: Line) -> PathBuf {
     for_line("stm32", "registers", vec!["--qemu"], line, LINE)
 }
+
+/// The image of a unit that fails while it answers, at this rate: the STM32's is for QEMU.
+pub fn faults(board: Board, line: Line) -> PathBuf {
+    let (name, fixed) = match board {
+        Board::Nano => ("nano", vec![]),
+        Board::Stm32 => ("stm32", vec!["--qemu"]),
+    };
+    for_line(name, "faults", fixed, line, LINE)
+}

@@ -15,7 +15,7 @@ pub mod rig;
 mod rules;
 
 pub use images::{
-    conformance, example, image, ports, registers, stm32_example, stm32_registers,
+    conformance, example, faults, image, ports, registers, stm32_example, stm32_registers,
     stm32_registers_at,
 };
 pub use rig::Rig;

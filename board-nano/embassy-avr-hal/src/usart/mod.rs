@@ -112,6 +112,14 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         machine.on_sent(&mut wire);
     }
 
+    /// For [`bind_usart0!`](crate::bind_usart0).
+    #[doc(hidden)]
+    #[cfg(not(feature = "bare"))]
+    #[inline(always)]
+    pub fn abort() -> ! {
+        crate::fault::abort::<DE>()
+    }
+
     /// Takes the buffer once it is free and the wire silent, or about to be.
     fn poll_buffer(&self, context: &Context) -> Poll<Frame<'_, Self>> {
         executor::USER.register(context.waker());
@@ -233,14 +241,42 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLO
     }
 }
 
+#[doc(hidden)]
+#[cfg(not(feature = "bare"))]
+#[macro_export]
+macro_rules! bind_faults {
+    ($line:ty) => {
+        /// What a panic calls.
+        #[unsafe(no_mangle)]
+        extern "C" fn abort() -> ! {
+            <$line>::abort()
+        }
+
+        /// What avr-libc's vector table has for an interrupt without a handler.
+        #[unsafe(no_mangle)]
+        extern "C" fn __vector_default() -> ! {
+            abort()
+        }
+    };
+}
+
+#[doc(hidden)]
+#[cfg(feature = "bare")]
+#[macro_export]
+macro_rules! bind_faults {
+    ($line:ty) => {};
+}
+
 /// Binds the four interrupts of the line (DS 12.4: vectors 12, 18, 19, 20, counted from 0) to a
-/// [`Usart0`](crate::usart::Usart0) type.
+/// [`Usart0`](crate::usart::Usart0) type, and what becomes of a [fault](crate::fault).
 #[macro_export]
 macro_rules! bind_usart0 {
     ($line:ty) => {
         #[doc(hidden)]
         mod usart0_interrupts {
             use super::*;
+
+            $crate::bind_faults!($line);
 
             #[unsafe(no_mangle)]
             extern "avr-interrupt" fn __vector_12() {

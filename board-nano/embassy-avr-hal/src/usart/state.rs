@@ -177,7 +177,47 @@ impl State {
     }
 }
 
+/// The ticks of `len` characters, of two for the CRC and of one more. The compiler takes three times as much flash for it.
+#[inline(always)]
+fn bounded(character: u16, len: u8) -> u32 {
+    let [low, high] = character.to_le_bytes();
+    let (first, second, third): (u8, u8, u8);
+    // SAFETY: arithmetic in registers; r1 is 0 again behind it, and r0 may be anything.
+    unsafe {
+        core::arch::asm!(
+            "clr {second}",
+            "clr {third}",
+            // 253 and more go over 255: 256 characters and the rest.
+            "subi {len}, 0xFD",
+            "brcs 2f",
+            "mov {second}, {low}",
+            "mov {third}, {high}",
+            "2: mul {high}, {len}",
+            "add {second}, r0",
+            "adc {third}, r1",
+            "mul {low}, {len}",
+            "mov {first}, r0",
+            "add {second}, r1",
+            "clr r1",
+            "adc {third}, r1",
+            len = inout(reg_upper) len => _,
+            low = in(reg) low,
+            high = in(reg) high,
+            first = lateout(reg) first,
+            second = out(reg) second,
+            third = out(reg) third,
+            options(pure, nomem, nostack),
+        );
+    }
+    u32::from_le_bytes([first, second, third, 0])
+}
+
+/// GPIOR2 (DS 8.6.4): how often Timer1 still goes round before a transmission has to be over.
+const TURNS: *mut u8 = 0x4B as *mut u8;
+
 impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
+    const IS_BOUNDED: bool = !cfg!(feature = "bare");
+
     #[inline(always)]
     fn ascii(&mut self) -> Option<&mut Ascii> {
         if !F::ASCII {
@@ -262,6 +302,32 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
         DE::raise();
         registers::send(self.0);
         Usart::put(first);
+    }
+
+    /// Compare B matches when the part is over that is no whole turn of the timer, and again with each turn.
+    #[inline(always)]
+    fn bound(&mut self, len: u8) {
+        let mut ticks = bounded(self.0.character, len);
+        if self.ascii().is_some() {
+            // `:`, two digits for each byte and for the LRC, CR, LF and one more: twice as many.
+            ticks *= 2;
+        }
+        let [first, second, turns, _] = ticks.to_le_bytes();
+        // SAFETY: a plain storage register, used by the line only.
+        unsafe { TURNS.write_volatile(turns) };
+        let part = u16::from_le_bytes([first | SOON as u8, second]);
+        set_compare(timer1::now().wrapping_add(part));
+        self.alarm_on();
+    }
+
+    #[inline(always)]
+    fn is_bound_over(&mut self) -> bool {
+        // SAFETY: as above.
+        unsafe {
+            let turns = TURNS.read_volatile();
+            TURNS.write_volatile(turns.wrapping_sub(1));
+            turns == 0
+        }
     }
 
     #[inline(always)]

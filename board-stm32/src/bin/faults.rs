@@ -1,0 +1,102 @@
+//! A unit that fails while it answers, for tests: unit 5 on RS4, 38400 8N1 if not built otherwise. How is up to who asks
+//! ([`multidrop_firmware::faults`]).
+#![no_std]
+#![no_main]
+
+use board_stm32::options;
+use board_stm32::ports::PortSettings;
+use board_stm32::usart::Usart;
+use cortex_m::peripheral::NVIC;
+use embassy_stm32::interrupt;
+use embassy_stm32::interrupt::InterruptExt;
+use embassy_stm32::pac;
+use embassy_time::{Duration, Timer};
+use multidrop_firmware::faults::{Asked, Failure, Faults};
+use multidrop_firmware::protocol::format::LineFormat;
+use multidrop_firmware::{Port, PortConfig, Shared};
+use static_cell::StaticCell;
+
+const BAUD: u32 = options::baud(38_400);
+
+const PORT: PortConfig = PortConfig::new("RS4")
+    .slave_id(5)
+    .baud(BAUD)
+    .format(LineFormat::F8N1);
+
+/// The time of one bit.
+const BIT: Duration = Duration::from_micros(1_000_000_u64.div_ceil(BAUD as u64));
+
+/// From t1.5, when an answer is worked out, into the middle of one with 16 registers, which has 370 bits.
+const INTO_THE_ANSWER: u32 = 170;
+
+#[embassy_executor::task]
+async fn receive(port: &'static Port<Usart>) -> ! {
+    multidrop_firmware::receive(port).await
+}
+
+#[embassy_executor::task]
+async fn serve(port: &'static Port<Usart>, asked: &'static Asked) -> ! {
+    let model = Shared::new(Faults::new(asked, board_stm32::reset_cause()));
+    multidrop_firmware::serve(port, &model).await
+}
+
+/// Fails as it is asked to.
+#[embassy_executor::task]
+async fn fail(asked: &'static Asked) -> ! {
+    loop {
+        let failure = asked.wait().await;
+        Timer::after(BIT * INTO_THE_ANSWER).await;
+        match failure {
+            Failure::Panic => panic!(),
+            Failure::PanicInInterrupt => {
+                // SAFETY: its handler is below.
+                unsafe { interrupt::SPI1.enable() };
+                NVIC::pend(pac::Interrupt::SPI1);
+            }
+            Failure::UnhandledInterrupt => {
+                // SAFETY: that nobody handles it is what is asked for.
+                unsafe { interrupt::SPI2.enable() };
+                NVIC::pend(pac::Interrupt::SPI2);
+            }
+            Failure::Hang => loop {
+                cortex_m::asm::nop();
+            },
+            Failure::HangWithInterruptsOff => {
+                cortex_m::interrupt::disable();
+                loop {
+                    cortex_m::asm::nop();
+                }
+            }
+            // RM0090 30.6.4: TXEIE and TCIE. The port has both in the one write by which it sends.
+            Failure::LostReady => pac::UART4.cr1().modify(|w| w.set_txeie(false)),
+            Failure::LostSent => {
+                // Whenever the port sets it, until long after.
+                for _ in 0..400 {
+                    pac::UART4.cr1().modify(|w| w.set_tcie(false));
+                    Timer::after(BIT).await;
+                }
+            }
+        }
+    }
+}
+
+#[interrupt]
+fn SPI1() {
+    panic!();
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let board = board_stm32::init();
+    let line = board.rs4.open(const { PortSettings::new(&PORT) });
+
+    static ASKED: StaticCell<Asked> = StaticCell::new();
+    let asked = ASKED.init(Asked::new());
+    static PORT_CELL: StaticCell<Port<Usart>> = StaticCell::new();
+    let port = PORT_CELL.init(Port::new(line, &PORT));
+    board_stm32::run(|spawner| {
+        spawner.spawn(receive(port).unwrap());
+        spawner.spawn(serve(port, asked).unwrap());
+        spawner.spawn(fail(asked).unwrap());
+    })
+}

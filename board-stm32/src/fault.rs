@@ -1,0 +1,102 @@
+//! What becomes of a panic, a fault of the CPU and an interrupt that nobody handles: every DE goes down, the cause is
+//! kept, and the chip starts anew. Left to itself the CPU would stand with DE as it was, and nobody else could talk.
+
+use core::arch::naked_asm;
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
+
+use cortex_m::peripheral::SCB;
+use cortex_m_rt::exception;
+use embassy_stm32::pac::RCC;
+use multidrop_firmware::ResetCause;
+
+use crate::platform::PRIORITY_GROUPS;
+use crate::usart::registers;
+
+/// What is kept through a reset: RAM keeps its contents, and the start-up code leaves `.uninit` alone.
+#[repr(C)]
+struct Kept {
+    mark: u32,
+}
+
+struct KeptCell(UnsafeCell<MaybeUninit<Kept>>);
+
+// SAFETY: written where nothing else runs any more, read once at the start.
+unsafe impl Sync for KeptCell {}
+
+#[unsafe(link_section = ".uninit.fault")]
+static KEPT: KeptCell = KeptCell(UnsafeCell::new(MaybeUninit::uninit()));
+
+/// That the chip was reset from here: not what RAM has by chance after power-up.
+const MARK: u32 = 0xDEAD_FA17;
+
+/// Takes every driver off the bus, keeps that this was why, and resets the chip.
+pub(crate) fn reset() -> ! {
+    cortex_m::interrupt::disable();
+    registers::lower_all_de();
+    let kept = KEPT.0.get().cast::<Kept>();
+    // SAFETY: interrupts are off; any word may be there. Volatile, since nobody in this program reads it.
+    unsafe { (&raw mut (*kept).mark).write_volatile(MARK) };
+    // What was written has to be in RAM, and DE down, before the reset (PM0214 4.4.5 demands the key; SYSRESETREQ is bit 2).
+    cortex_m::asm::dsb();
+    const VECTKEY: u32 = 0x05FA << 16;
+    const SYSRESETREQ: u32 = 1 << 2;
+    // SAFETY: the reset is what is wanted; the priority groups stay as they are until then.
+    unsafe {
+        (*SCB::PTR)
+            .aircr
+            .write(VECTKEY | PRIORITY_GROUPS | SYSRESETREQ)
+    };
+    cortex_m::asm::dsb();
+    loop {
+        cortex_m::asm::nop();
+    }
+}
+
+/// Why the chip has started. Reading clears the flags, so that the next start does not find them: to be called once.
+pub(crate) fn cause() -> ResetCause {
+    // RM0090 7.3.21: a reset from within pulls the pin too, so PINRSTF says least. Power-up sets BORRSTF as well.
+    let flags = RCC.csr().read();
+    RCC.csr().modify(|w| w.set_rmvf(true));
+    let kept = KEPT.0.get().cast::<Kept>();
+    // SAFETY: as in `reset`; what is read before anything was written may be any word.
+    let is_fault = unsafe {
+        let mark = (&raw const (*kept).mark).read_volatile();
+        (&raw mut (*kept).mark).write_volatile(0);
+        mark == MARK
+    };
+    if is_fault {
+        ResetCause::Fault
+    } else if flags.porrstf() {
+        ResetCause::Power
+    } else if flags.borrstf() {
+        ResetCause::BrownOut
+    } else if flags.wdgrstf() || flags.wwdgrstf() {
+        ResetCause::Watchdog
+    } else if flags.sftrstf() || flags.lpwrrstf() || !flags.padrstf() {
+        ResetCause::Other
+    } else {
+        ResetCause::Pin
+    }
+}
+
+/// Panics come here (they are compiled to `udf`), and all faults that have no handler of their own. The stack begins anew:
+/// it may be what is wrong.
+///
+/// # Safety
+/// From the vector table only.
+#[unsafe(naked)]
+#[unsafe(export_name = "HardFault")]
+unsafe extern "C" fn hard_fault() -> ! {
+    naked_asm!("ldr r0, =_stack_start", "mov sp, r0", "b {reset}", reset = sym fault)
+}
+
+extern "C" fn fault() -> ! {
+    reset()
+}
+
+/// Every other exception and interrupt without a handler.
+#[exception]
+unsafe fn DefaultHandler(_interrupt: i16) -> ! {
+    reset()
+}

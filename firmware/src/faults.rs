@@ -1,0 +1,88 @@
+//! The data of the image `faults`, the same on every board: a unit that fails while it answers, for tests of what keeps a
+//! bus alive then.
+
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
+use multidrop_protocol::data::RegistersOut;
+use multidrop_protocol::exception::Exception;
+use multidrop_protocol::registers::within;
+use multidrop_protocol::server::DataModel;
+
+use crate::reset::ResetCause;
+
+/// How the unit fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u16)]
+pub enum Failure {
+    /// A task panics.
+    Panic = 1,
+    /// An interrupt panics.
+    PanicInInterrupt = 2,
+    /// An interrupt comes that nobody handles.
+    UnhandledInterrupt = 3,
+    /// A task does not come back.
+    Hang = 4,
+    /// The same with interrupts off.
+    HangWithInterruptsOff = 5,
+    /// The transmitter does not tell that it takes the next character.
+    LostReady = 6,
+    /// The transmitter does not tell that all has left.
+    LostSent = 7,
+}
+
+const ALL: [Failure; 7] = [
+    Failure::Panic,
+    Failure::PanicInInterrupt,
+    Failure::UnhandledInterrupt,
+    Failure::Hang,
+    Failure::HangWithInterruptsOff,
+    Failure::LostReady,
+    Failure::LostSent,
+];
+
+/// How many registers there are from any address.
+const COUNT: usize = 16;
+
+/// Holding register 0 has the number of the [`ResetCause`]; 1 to 15 read as 0x0100 and their address. Input registers read as 0, up to 16 of them; where the
+/// first has the number of a [`Failure`], that is what happens while it is answered.
+pub struct Faults {
+    asked: &'static Asked,
+    cause: ResetCause,
+}
+
+/// Tells the task that fails how.
+pub type Asked = Signal<NoopRawMutex, Failure>;
+
+impl Faults {
+    /// A model that tells `asked`, of a board that has started for this `cause`.
+    pub const fn new(asked: &'static Asked, cause: ResetCause) -> Self {
+        Self { asked, cause }
+    }
+}
+
+impl DataModel for Faults {
+    fn holding_registers(
+        &mut self,
+        first: u16,
+        mut out: RegistersOut<'_>,
+    ) -> Result<(), Exception> {
+        within(first, out.len() as u16, COUNT as u16)?;
+        let cause = self.cause as u16;
+        out.fill_from((first..).map(|address| match address {
+            0 => cause,
+            _ => 0x0100 + address,
+        }));
+        Ok(())
+    }
+
+    fn input_registers(&mut self, first: u16, mut out: RegistersOut<'_>) -> Result<(), Exception> {
+        if out.len() > COUNT {
+            return Err(Exception::IllegalDataAddress);
+        }
+        let failure = ALL.iter().find(|failure| **failure as u16 == first);
+        self.asked
+            .signal(*failure.ok_or(Exception::IllegalDataAddress)?);
+        out.fill_from(core::iter::repeat(0));
+        Ok(())
+    }
+}

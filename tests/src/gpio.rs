@@ -1,9 +1,11 @@
-//! Ports B, C and D and their pin-change flags (ATmega328P, DS40002061B, chapters 14 and 13).
+//! Ports B, C and D, their pin-change flags, and the external interrupts INT0 and INT1 on PD2 and PD3 (ATmega328P,
+//! DS40002061B, chapters 14 and 13).
 //!
 //! # Delay of an input
 //! A pin's level passes a latch and a flip-flop before `PINx` shows it: 0.5 to 1.5 cycles (14.2.4).
 //! Here it shows one cycle after the first clock edge at or after the change. Figure 13-1 puts the
-//! pin-change flag two further clock edges behind that.
+//! pin-change flag two further clock edges behind that; the flags of INT0 and INT1, of which the data sheet draws no figure,
+//! are taken to come as late.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -89,12 +91,20 @@ pub(crate) struct Gpio {
     connected: [u8; 3],
     /// Changes from outside still in the synchroniser: (shows at, port, mask, level).
     incoming: VecDeque<(u64, u8, u8, bool)>,
-    /// Flags on their way: (set at, bit of PCIFR).
-    flagging: VecDeque<(u64, u8)>,
+    /// Flags on their way: (set at, bits of PCIFR, bits of EIFR).
+    flagging: VecDeque<(u64, u8, u8)>,
     pcmsk: [u8; 3],
     pcifr: u8,
     pcicr: u8,
+    eifr: u8,
+    eimsk: u8,
+    eicra: u8,
 }
+
+/// Port D, and the pins of it that are INT0 and INT1: bits 0 and 1 of EIFR and EIMSK when they are moved to the right.
+const PORT_D: usize = 2;
+const INT_PINS: u8 = 0b11;
+const INT_SHIFT: u8 = 2;
 
 impl Gpio {
     /// The transceiver's receiver holds RXD high from the start.
@@ -114,6 +124,9 @@ impl Gpio {
         self.pcmsk = [0; 3];
         self.pcifr = 0;
         self.pcicr = 0;
+        self.eifr = 0;
+        self.eimsk = 0;
+        self.eicra = 0;
         self.flagging.clear();
     }
 
@@ -157,9 +170,45 @@ impl Gpio {
     /// 13.2.4: any change of a pin with its mask bit set sets the port's flag, whether the
     /// interrupt is enabled or not, and for outputs too.
     fn changed(&mut self, index: usize, before: u8, at: u64) {
-        if (before ^ self.pins(index)) & self.pcmsk[index] != 0 {
-            self.flagging.push_back((at + FLAG_DELAY, 1 << index));
+        let now = self.pins(index);
+        let mut pin_change = 0;
+        if (before ^ now) & self.pcmsk[index] != 0 {
+            pin_change = 1 << index;
         }
+        let mut external = 0;
+        if index == PORT_D {
+            let changed = (before ^ now) >> INT_SHIFT & INT_PINS;
+            let high = now >> INT_SHIFT & INT_PINS;
+            for int in 0..2 {
+                // 13.2.1: any change, falling edge, rising edge; a low level has no flag.
+                let is_edge = match self.sense(int) {
+                    0 => false,
+                    1 => true,
+                    2 => high & 1 << int == 0,
+                    _ => high & 1 << int != 0,
+                };
+                if is_edge {
+                    external |= changed & 1 << int;
+                }
+            }
+        }
+        if pin_change | external != 0 {
+            self.flagging
+                .push_back((at + FLAG_DELAY, pin_change, external));
+        }
+    }
+
+    /// ISCn1 and ISCn0 of EICRA (13.2.1).
+    fn sense(&self, int: u8) -> u8 {
+        self.eicra >> (2 * int) & 3
+    }
+
+    /// INT0 and INT1 that ask for their interrupt.
+    fn external_asked(&self) -> u8 {
+        let low = !self.pins(PORT_D) >> INT_SHIFT & INT_PINS;
+        let by_level = (0..2).filter(|&int| self.sense(int) == 0);
+        let by_level = by_level.fold(0, |mask, int| mask | low & 1 << int);
+        (self.eifr | by_level) & self.eimsk
     }
 
     pub fn sync(&mut self, t: u64) {
@@ -173,17 +222,18 @@ impl Gpio {
             self.outside[index] = self.outside[index] & !mask | if level { mask } else { 0 };
             self.changed(index, before, at);
         }
-        while let Some(&(at, flag)) = self.flagging.front()
+        while let Some(&(at, pin_change, external)) = self.flagging.front()
             && at <= t
         {
             self.flagging.pop_front();
-            self.pcifr |= flag;
+            self.pcifr |= pin_change;
+            self.eifr |= external;
         }
     }
 
     /// When a flag is next set whose interrupt is enabled, or a change shows that may set one.
     pub fn next_event(&self) -> u64 {
-        if self.pcicr == 0 {
+        if self.pcicr | self.eimsk == 0 {
             return u64::MAX;
         }
         let incoming = self.incoming.front().map_or(u64::MAX, |change| change.0);
@@ -203,6 +253,9 @@ impl Gpio {
                 }
             }
             0x3b => self.pcifr,
+            0x3c => self.eifr,
+            0x3d => self.eimsk,
+            0x69 => self.eicra,
             0x68 => self.pcicr,
             0x6b..=0x6d => self.pcmsk[usize::from(address - 0x6b)],
             _ => 0,
@@ -224,22 +277,31 @@ impl Gpio {
                 self.changed(index, before, at + PIN_DELAY);
             }
             0x3b => self.pcifr &= !value,
+            0x3c => self.eifr &= !value,
+            0x3d => self.eimsk = value & INT_PINS,
+            0x69 => self.eicra = value & 0xf,
             0x68 => self.pcicr = value & 7,
             0x6b..=0x6d => self.pcmsk[usize::from(address - 0x6b)] = value,
             _ => {}
         }
     }
 
-    /// The lowest vector whose interrupt is asked for (12.1: 3, 4, 5 for ports B, C, D).
+    /// The lowest vector whose interrupt is asked for (12.1: 1 and 2 for INT0 and INT1, 3, 4, 5 for ports B, C, D).
     pub fn vector(&self) -> Option<u8> {
+        let external = self.external_asked();
+        if external != 0 {
+            return Some(1 + external.trailing_zeros() as u8);
+        }
         let asked = self.pcifr & self.pcicr;
         (asked != 0).then(|| 3 + asked.trailing_zeros() as u8)
     }
 
     /// A vector is executed, which clears its flag.
     pub fn acknowledge(&mut self, vector: u8) {
-        if let 3..=5 = vector {
-            self.pcifr &= !(1 << (vector - 3));
+        match vector {
+            1 | 2 => self.eifr &= !(1 << (vector - 1)),
+            3..=5 => self.pcifr &= !(1 << (vector - 3)),
+            _ => {}
         }
     }
 }

@@ -250,3 +250,33 @@ fn what_the_data_sheet_does_not_allow_for_is_kept() {
     // The write itself is not disturbed by it.
     assert_eq!(bus.node(node).eeprom()[0x23], 0x5a);
 }
+
+#[test]
+fn int0_sees_the_edges_that_it_is_set_to() {
+    // Driven low, where it floats at first, then up and down twice.
+    for (sense, expected) in [(1, 4), (2, 2), (3, 2)] {
+        let (mut bus, node, _) = one("int0", &[("SENSE", sense)], LINE);
+        bus.node_mut(node).set_input(Pin::D2, Some(false));
+        bus.run_for(Time::from_ms(1));
+        for level in [true, false, true, false] {
+            bus.node_mut(node).set_input(Pin::D2, Some(level));
+            bus.run_for(Time::from_ms(1));
+        }
+        let count = bus.node(node).symbol("count").expect("a variable").address;
+        assert_eq!(bus.node(node).read(count), [expected], "{sense}");
+        assert_eq!(bus.node(node).stats().vectors[1].count, u64::from(expected));
+    }
+    // A low level asks again and again.
+    let (mut bus, node, _) = one("int0", &[("SENSE", 0)], LINE);
+    bus.node_mut(node).set_input(Pin::D2, Some(true));
+    bus.run_for(Time::from_ms(1));
+    let before = bus.node(node).stats().vectors[1].count;
+    bus.node_mut(node).set_input(Pin::D2, Some(false));
+    bus.run_for(Time::from_us(100));
+    bus.node_mut(node).set_input(Pin::D2, Some(true));
+    bus.run_for(Time::from_us(10));
+    let asked = bus.node(node).stats().vectors[1].count - before;
+    assert!(asked > 50, "{asked}");
+    bus.run_for(Time::from_ms(1));
+    assert_eq!(bus.node(node).stats().vectors[1].count, before + asked);
+}

@@ -67,6 +67,20 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
             format!("{WAITING}bind_time!(16_000_000, tasks = [poll, blink]);"),
             "",
         ),
+        (
+            "edges",
+            "bind_edges!(Edges: INT1);\n\
+             pub fn take(pin: PD4) { EdgeInput::new(Input::new(pin, true), Edges); }"
+                .to_owned(),
+            "the interrupt of PortD is not bound: name INT0 for PD2, INT1 for PD3, PCINT2 for PD4 to PD7 in bind_edges!",
+        ),
+        (
+            "edges_right",
+            "bind_edges!(Edges: INT1, PCINT2);\n\
+             pub fn take(pin: PD4) { EdgeInput::new(Input::new(pin, true), Edges); }"
+                .to_owned(),
+            "",
+        ),
         ("right", port(".baud(38_400)"), ""),
     ]
 }
@@ -78,8 +92,9 @@ const IMPORTS: &str = "#![no_std]
 #![feature(abi_avr_interrupt)]
 #![allow(unused_imports, dead_code)]
 use board_nano::settings;
-use embassy_avr_hal::bind_time;
-use embassy_avr_hal::gpio::{Input, Output, PD2, Pins};
+use embassy_avr_hal::edge::EdgeInput;
+use embassy_avr_hal::gpio::{Input, Output, PD2, PD4, Pins};
+use embassy_avr_hal::{bind_edges, bind_time};
 use embassy_avr_hal::usart::{RtuOnly, Settings};
 use multidrop_firmware::PortConfig;
 use multidrop_firmware::protocol::format::Framing;

@@ -20,6 +20,9 @@ const BAUDS: [u32; 6] = [38_400, 57_600, 115_200, 250_000, 500_000, 1_000_000];
 const STM32_COUNT: u8 = 128;
 const STM32_BAUDS: [u32; 5] = [38_400, 115_200, 500_000, 1_000_000, 2_000_000];
 
+/// The example of the Nano's HAL that waits for edges on port D beside its server.
+const EDGES: &str = "port_d";
+
 /// The units that the long run of the STM32's four ports has behind one of them.
 const UNITS: [u8; 3] = [1, 2, 3];
 
@@ -143,6 +146,15 @@ fn measured(builder: &Builder, board: Board) -> Result<Command, Error> {
             let size::Size { flash, ram } = size::of(&elf)?;
             bench.arg(option);
             bench.arg(format!("{name}:{flash}:{ram}:{}", elf.display()));
+        }
+    }
+    if board == Board::Nano {
+        for baud in BAUDS {
+            let elf = builder.example(board, EDGES, Some(baud))?;
+            let elf = repo::root().join(elf);
+            let size::Size { flash, ram } = size::of(&elf)?;
+            bench.arg("--image");
+            bench.arg(format!("{EDGES}:16:{baud}:{flash}:{ram}:{}", elf.display()));
         }
     }
     Ok(bench)

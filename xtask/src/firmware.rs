@@ -42,37 +42,8 @@ pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
 pub fn build_example(name: &str, stm32: bool, baud: Option<u32>) -> Result<(), Error> {
     let board = if stm32 { Board::Stm32 } else { Board::Nano };
     setup::require(&[Purpose::Firmware, purpose_of(board)])?;
-    let mut cargo = Builder::new()?.toolchain.cargo_in_board(board);
-    cargo.args(["build", "--release", "--example", name]);
-    cargo.args(match board {
-        Board::Nano => &["--package", "embassy-avr-hal"][..],
-        Board::Stm32 => &["--no-default-features", "--features", "qemu"],
-    });
-    cargo
-        .arg("--target-dir")
-        .arg(repo::root().join(board.target_dir()));
-    match baud {
-        Some(baud) => cargo.env("MULTIDROP_BAUD", baud.to_string()),
-        None => cargo.env_remove("MULTIDROP_BAUD"),
-    };
-    repo::run(&mut cargo)?;
-    let made = match board {
-        Board::Nano => format!("target/avr/avr-none/release/examples/{name}.elf"),
-        Board::Stm32 => format!("target/stm32/thumbv7em-none-eabihf/release/examples/{name}"),
-    };
-    let Some(baud) = baud else {
-        println!("image: {made}");
-        return Ok(());
-    };
-    // The next rate has the same name.
-    let kept = format!(
-        "target/firmware/{}-example-{name}-baud{baud}.elf",
-        word(board)
-    );
-    let folder = repo::root().join("target/firmware");
-    fs::create_dir_all(&folder).map_err(|error| Error::io(folder.display(), error))?;
-    copy(&repo::root().join(made), &repo::root().join(&kept))?;
-    println!("image: {kept}");
+    let made = Builder::new()?.example(board, name, baud)?;
+    println!("image: {}", made.display());
     Ok(())
 }
 
@@ -146,6 +117,43 @@ impl Builder {
         }
         fs::write(&stamp, key).map_err(|error| Error::io(stamp.display(), error))?;
         Ok(elf)
+    }
+
+    /// Builds an example of a board and gives its path, from the root of the repository.
+    ///
+    /// # Errors
+    /// [`Error::failed`] when cargo fails.
+    pub fn example(&self, board: Board, name: &str, baud: Option<u32>) -> Result<PathBuf, Error> {
+        let mut cargo = self.toolchain.cargo_in_board(board);
+        cargo.args(["build", "--release", "--example", name]);
+        cargo.args(match board {
+            Board::Nano => &["--package", "embassy-avr-hal"][..],
+            Board::Stm32 => &["--no-default-features", "--features", "qemu"],
+        });
+        cargo
+            .arg("--target-dir")
+            .arg(repo::root().join(board.target_dir()));
+        match baud {
+            Some(baud) => cargo.env("MULTIDROP_BAUD", baud.to_string()),
+            None => cargo.env_remove("MULTIDROP_BAUD"),
+        };
+        repo::run(&mut cargo)?;
+        let made = match board {
+            Board::Nano => format!("target/avr/avr-none/release/examples/{name}.elf"),
+            Board::Stm32 => format!("target/stm32/thumbv7em-none-eabihf/release/examples/{name}"),
+        };
+        let Some(baud) = baud else {
+            return Ok(made.into());
+        };
+        // The next rate has the same name.
+        let kept = format!(
+            "target/firmware/{}-example-{name}-baud{baud}.elf",
+            word(board)
+        );
+        let folder = repo::root().join("target/firmware");
+        fs::create_dir_all(&folder).map_err(|error| Error::io(folder.display(), error))?;
+        copy(&repo::root().join(made), &repo::root().join(&kept))?;
+        Ok(kept.into())
     }
 
     fn compile(&self, image: &Image) -> Result<(), Error> {

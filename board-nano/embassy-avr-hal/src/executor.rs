@@ -12,6 +12,8 @@ use core::cell::UnsafeCell;
 use embassy_executor::{Spawner, raw};
 use embassy_sync::waitqueue::WakerRegistration;
 
+use crate::edge;
+
 /// GPIOR0 (DS 8.6.6) is in reach of `sbi` and `sbic`: setting a flag is one instruction, in interrupts
 /// too.
 const FLAGS: *mut u8 = 0x3E as *mut u8;
@@ -19,6 +21,8 @@ const FLAGS: *mut u8 = 0x3E as *mut u8;
 const WORK: u8 = 1 << 0;
 /// An alarm of `embassy-time` may be due; 1 and 2 are those of [`RECEIVER`] and [`USER`].
 pub(crate) const TIME: u8 = 1 << 3;
+/// An edge has come that a task waits for.
+pub(crate) const EDGE: u8 = 1 << 4;
 
 /// Sets one flag.
 #[inline(always)]
@@ -108,6 +112,7 @@ pub(crate) fn run_with(init: impl FnOnce(Spawner), see_to: impl Fn(u8)) -> ! {
         }
         RECEIVER.wake_if(flags);
         USER.wake_if(flags);
+        edge::wake_if(flags);
         see_to(flags);
         // SAFETY: called from this one place, never from within itself.
         unsafe { executor.poll() };

@@ -6,6 +6,7 @@
 //! | [`usart`] | the USART as a [`Line`](multidrop_firmware::Line): frames by silence, DE, no task woken per byte |
 //! | [`time`] | a driver for `embassy-time`, linked only where it is bound |
 //! | [`gpio`] | pins with the `embedded-hal` 1.0 traits |
+//! | [`edge`] | edges of port D's pins to wait for, with the trait of `embedded-hal-async` |
 //! | [`eeprom`] | the 1024 bytes of EEPROM, written in the background |
 //! | [`fault`] | what becomes of a panic, and why the chip has started |
 //! | [`watchdog`] | the watchdog |
@@ -14,13 +15,14 @@
 //! Timer1 belongs to this crate: it runs free at an eighth of the clock, compare B measures the
 //! silence on the line, compare A is the alarm of `embassy-time`. Timer0 and Timer2 are the user's.
 //! So is everything else, but for GPIOR0 (flags of the executor), GPIOR1 and GPIOR2 (the line's) and bit 0 of PCMSK2
-//! (the start-bit detector, see [`usart`]).
+//! (the start-bit detector, see [`usart`]). Pin-change interrupts on port D are to be had from [`edge`] only.
 //!
 //! "DS" is the ATmega328P data sheet, Microchip DS40002061B.
 #![no_std]
 #![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
 
 pub mod baud;
+pub mod edge;
 pub mod eeprom;
 pub mod executor;
 #[cfg(not(feature = "bare"))]

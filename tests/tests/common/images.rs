@@ -117,6 +117,14 @@ pub fn example(name: &str) -> PathBuf {
     once(format!("example {name}"), || built(&["example", name]))
 }
 
+/// The same at this rate.
+pub fn example_at(name: &str, baud: u32) -> PathBuf {
+    let baud = baud.to_string();
+    once(format!("example {name} {baud}"), || {
+        built(&["example", name, "--baud", &baud])
+    })
+}
+
 /// The image of an example of the STM32's board, for QEMU at this rate.
 pub fn stm32_example(name: &str, baud: u32) -> PathBuf {
     let baud = baud.to_string();

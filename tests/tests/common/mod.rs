@@ -15,8 +15,8 @@ pub mod rig;
 mod rules;
 
 pub use images::{
-    conformance, example, faults, image, ports, registers, stm32_example, stm32_registers,
-    stm32_registers_at,
+    conformance, example, example_at, faults, image, ports, registers, stm32_example,
+    stm32_registers, stm32_registers_at,
 };
 pub use rig::Rig;
 pub use rules::{DE_LAG, Rules, assert_bus_rules};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use multidrop_bus::{
-    Answer, Bus, BusConfig, HostId, HostPort, Line, NodeId, Station, Stm32, Time, Tx, WireId,
+    Answer, Bus, BusConfig, HostId, HostPort, Line, Nano, NodeId, Station, Stm32, Time, Tx, WireId,
     barrier,
 };
 
@@ -49,6 +49,15 @@ impl Rig {
             slack: Time::from_ms(3),
             is_ascii: false,
         };
+        rig.pause(Time::from_ms(20));
+        rig
+    }
+
+    /// A bus with this Nano, booted.
+    pub fn nano(nano: Nano, line: Line) -> Self {
+        let mut rig = Self::with(&[], line);
+        rig.nodes
+            .push(rig.bus.add_nano(nano).expect("a valid image"));
         rig.pause(Time::from_ms(20));
         rig
     }

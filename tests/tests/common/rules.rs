@@ -36,6 +36,14 @@ impl Rules {
         }
     }
 
+    /// DE may stay up for so much longer: for nodes that have more to do in their interrupts.
+    pub fn and_de_lag(self, more: Time) -> Self {
+        Rules {
+            de_lag: self.de_lag + more,
+            ..self
+        }
+    }
+
     /// Servers that speak ASCII, which has up to a second between characters.
     pub fn ascii(line: Line) -> Self {
         Rules::client(line)

@@ -79,7 +79,7 @@ const ATTENTION: *mut u8 = 0x4A as *mut u8;
 
 /// Sets or clears it.
 #[inline(always)]
-pub(super) fn set_attention(needed: bool) {
+pub(crate) fn set_attention(needed: bool) {
     // SAFETY: a plain storage register, used by the line only.
     unsafe { ATTENTION.write_volatile(needed as u8) }
 }

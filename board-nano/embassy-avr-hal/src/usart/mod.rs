@@ -7,8 +7,8 @@
 //!
 //! RXC comes at the end of a character, so by itself it tells only a whole character late that one
 //! began within t1.5. The pin-change flag of RXD is used as a start-bit detector: polled when compare B
-//! matches, never as an interrupt. An application that uses pin-change interrupts on port D takes one
-//! needless interrupt per edge on RXD.
+//! matches, never as an interrupt, but while a task waits for an edge on port D by [`edge`](crate::edge). PCIE2 enabled
+//! otherwise is not supported: start bits are no longer seen then.
 //!
 //! ASCII is there where the type asks for it ([`RtuAndAscii`]): characters begin and end a frame, each is
 //! decided in Rust, and compare B counts the second between them in parts of 25 ms, since Timer1 has 16
@@ -34,6 +34,7 @@ use crate::executor;
 use crate::gpio::{DriverEnable, PD0, PD1};
 use crate::pac::{TC1, USART0};
 use crate::timer1;
+pub(crate) use character::set_attention;
 pub use settings::{Framings, RtuAndAscii, RtuOnly, Settings};
 use state::{SHARED, State};
 

@@ -3,6 +3,7 @@
 use multidrop_firmware::protocol::rtu::Flaws;
 
 use super::settings::{Kept, Settings};
+use crate::edge;
 use crate::pac::{EXINT, USART0};
 
 /// Bits of UCSR0A.
@@ -19,8 +20,7 @@ const UDRIE: u8 = 1 << 5;
 const RXEN: u8 = 1 << 4;
 const TXEN: u8 = 1 << 3;
 
-/// PCIF2 of PCIFR (DS 13.2.5) and PCINT16, which is RXD, of PCMSK2 (DS 13.2.6).
-const PCIF2: u8 = 1 << 2;
+/// PCINT16, which is RXD, of PCMSK2 (DS 13.2.6): the start-bit detector is [`edge`](crate::edge)'s.
 const PCINT16: u8 = 1 << 0;
 
 /// USART0.
@@ -59,7 +59,7 @@ impl Usart {
 }
 
 fn exint() -> &'static crate::pac::exint::RegisterBlock {
-    // SAFETY: as for the USART; PCIFR and PCMSK2 are changed bit by bit.
+    // SAFETY: as for the USART; PCMSK2 is changed bit by bit.
     unsafe { &*EXINT::ptr() }
 }
 
@@ -96,7 +96,7 @@ pub(super) fn set_up<F>(settings: &Settings<F>) {
 /// Receiver on. What RXD did while it was off is no start bit: a transceiver may have heard itself.
 #[inline(always)]
 pub(super) fn listen() {
-    clear_start_bit();
+    edge::clear_start_bit();
     Usart::control(RXCIE | RXEN | TXEN);
 }
 
@@ -120,19 +120,4 @@ pub(super) fn clear_sent(kept: &Kept) {
 #[inline(always)]
 pub(super) fn nothing_more() {
     Usart::control(TXCIE | TXEN);
-}
-
-/// Whether RXD has changed since [`clear_start_bit`]. Once a character is complete the next change can
-/// only be a start bit (or noise), so this tells that a character is on its way a whole character
-/// before RXC does. The flag is set whether or not the interrupt is enabled (DS 13.2.5).
-#[inline(always)]
-pub(super) fn start_bit_seen() -> bool {
-    exint().pcifr().read().bits() & PCIF2 != 0
-}
-
-/// Clears the flag by writing a one.
-#[inline(always)]
-pub(super) fn clear_start_bit() {
-    // SAFETY: writing a one clears this flag and no other.
-    exint().pcifr().write(|w| unsafe { w.bits(PCIF2) });
 }

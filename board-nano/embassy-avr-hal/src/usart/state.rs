@@ -13,6 +13,7 @@ use multidrop_firmware::protocol::rtu::Heard;
 use super::character::{Hot, set_attention};
 use super::registers::{self, Usart};
 use super::settings::{Framings, Kept, Settings};
+use crate::edge;
 use crate::executor;
 use crate::gpio::DriverEnable;
 use crate::timer1;
@@ -153,6 +154,7 @@ impl State {
     #[inline(always)]
     pub fn on_unusual_character<DE: DriverEnable, F: Framings>(&mut self, errors: u8) -> bool {
         let flaws = registers::flaws(errors);
+        edge::on_character();
         let (machine, mut wire) = self.parts::<DE, F>();
         if wire.ascii().is_some() {
             machine.on_ascii_character(&mut wire, Usart::take(), flaws);
@@ -161,7 +163,8 @@ impl State {
         // SAFETY: in the interrupt.
         let full = unsafe { Hot::get() }.is_full();
         let store = machine.on_character(&mut wire, flaws, full);
-        set_attention(!store);
+        // While edges are waited for, every character has to pass by here: see `edge`.
+        set_attention(!store || edge::has_waits());
         if !store {
             Usart::take();
         }
@@ -237,12 +240,12 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
 
     #[inline(always)]
     fn start_bit_seen(&mut self) -> bool {
-        registers::start_bit_seen()
+        edge::start_bit_seen()
     }
 
     #[inline(always)]
     fn clear_start_bit(&mut self) {
-        registers::clear_start_bit();
+        edge::clear_start_bit();
     }
 
     #[inline(always)]

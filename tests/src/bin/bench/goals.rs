@@ -219,6 +219,12 @@ pub fn of(figures: &Figures) -> Vec<Goal> {
         ),
         one("peak stack", "bytes", "stack_peak_bytes", AtMost(300.0)),
         one("loss-free", "baud", "loss_free_baud", AtLeast(500_000.0)),
+        one(
+            "loss-free while tasks wait for edges on port D",
+            "baud",
+            "loss_free_with_edges_baud",
+            AtLeast(115_200.0),
+        ),
         one("asleep when idle", "%", "asleep_idle_percent", Above(99.0)),
     ]);
     let two_bits = Line::n81(38_400).bits(2).us();
@@ -285,6 +291,7 @@ mod tests {
             ("de_lag_max_us".to_owned(), 10.0),
             ("stack_peak_bytes".to_owned(), 300.0),
             ("loss_free_baud".to_owned(), 500_000.0),
+            ("loss_free_with_edges_baud".to_owned(), 115_200.0),
             ("asleep_idle_percent".to_owned(), 99.001),
         ]);
         for shape in Shape::measured(128) {
@@ -421,6 +428,11 @@ mod tests {
             ("de_lag_max_us", 10.001, "DE down after the last stop bit"),
             ("stack_peak_bytes", 301.0, "peak stack"),
             ("loss_free_baud", 250_000.0, "loss-free"),
+            (
+                "loss_free_with_edges_baud",
+                57_600.0,
+                "loss-free while tasks wait for edges on port D",
+            ),
             ("asleep_idle_percent", 99.0, "asleep when idle"),
         ];
         for (name, value, what) in wrong {

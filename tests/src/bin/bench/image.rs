@@ -75,6 +75,14 @@ impl<'a> Images<'a> {
             .ok_or_else(|| Trouble::NoImage(format!("registers-{count}@{baud}")))
     }
 
+    /// The server that waits for edges on port D, at `baud`.
+    pub fn edges(&self, baud: u32) -> Result<&'a Image, Trouble> {
+        self.0
+            .iter()
+            .find(|image| image.app == "port_d" && image.baud == baud)
+            .ok_or_else(|| Trouble::NoImage(format!("port_d@{baud}")))
+    }
+
     /// An application that has no variants here.
     pub fn app(&self, name: &str) -> Result<&'a Image, Trouble> {
         self.0

@@ -1,6 +1,6 @@
 //! Where it begins to fail: baud rate, clock error, gaps inside a frame.
 
-use multidrop_bus::{Time, Tx};
+use multidrop_bus::{Pin, Time, Tx};
 
 use crate::Trouble;
 use crate::figures::{Set, rounded};
@@ -29,6 +29,29 @@ pub fn loss_free_baud(images: &Images<'_>, count: u8) -> Result<u32, Trouble> {
     for baud in BAUDS {
         let mut desk = Desk::new(images.registers(count, baud)?, |_| {})?;
         if !answers_all(&mut desk, REQUESTS) {
+            break;
+        }
+        free = baud;
+    }
+    Ok(free)
+}
+
+/// The same of a node on which tasks wait for edges on port D, of which one comes at some time in each exchange.
+pub fn loss_free_baud_with_edges(images: &Images<'_>) -> Result<u32, Trouble> {
+    let mut free = 0;
+    for baud in BAUDS {
+        let mut desk = Desk::new(images.edges(baud)?, |nano| nano.de = Pin::new('C', 0))?;
+        let mut level = true;
+        let all = (0..REQUESTS).all(|_| {
+            level = !level;
+            let within = Time::from_ms(3).ps() * 16 / 1_000_000;
+            let offset = u64::from(desk.random.below(within as u16));
+            let node = desk.bus.node_mut(desk.node);
+            node.set_input_at(Pin::D4, level, node.cycle() + offset);
+            let request = mixed(desk.count, &mut desk.random);
+            desk.ask(&request).is_some()
+        });
+        if !all {
             break;
         }
         free = baud;

@@ -28,6 +28,7 @@ pub fn all(images: &Images<'_>, figures: &mut Figures) -> Result<(), Trouble> {
     let measured = thread::scope(|scope| -> Result<Vec<(String, Set)>, Trouble> {
         let server = scope.spawn(move || functions::server(images));
         let client = scope.spawn(move || functions::client(images));
+        let edges = scope.spawn(move || limits::loss_free_baud_with_edges(images));
         let mut lines = Vec::new();
         let mut limits = Vec::new();
         for count in COUNTS {
@@ -41,10 +42,14 @@ pub fn all(images: &Images<'_>, figures: &mut Figures) -> Result<(), Trouble> {
         for (count, thread) in COUNTS.into_iter().zip(limits) {
             free.insert(count, thread.join().expect("no panic")?);
         }
+        let edges = f64::from(edges.join().expect("no panic")?);
         let mut sets = Vec::new();
         for (image, thread) in lines {
             let mut set = thread.join().expect("no panic")?;
             set.insert("loss_free_baud".to_owned(), f64::from(free[&image.count]));
+            if image.count == COUNTS[0] {
+                set.insert("loss_free_with_edges_baud".to_owned(), edges);
+            }
             sets.push((image.name(), set));
         }
         for (app, thread) in [("conformance", server), ("client-functions", client)] {

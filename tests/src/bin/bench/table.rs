@@ -238,6 +238,13 @@ const ROWS: &[Row] = &[
         .peer("1000000")
         .brief(),
     row(
+        "the same while tasks wait for edges on port D",
+        "baud",
+        One("loss_free_with_edges_baud"),
+    )
+    .goal(">= 115200")
+    .brief(),
+    row(
         "node's clock fast: loss from",
         "ppm",
         One("clock_fast_loss_from_ppm"),

@@ -1,0 +1,247 @@
+//! PCINT2: one flag for all of port D, RXD among them (DS 13.2.4, 13.2.5). Which pin has changed shows by its level.
+//!
+//! While a wait is pending the interrupt is on and clears the flag that is the line's start-bit detector. What it has seen of
+//! RXD is then in [`START`]. One edge of RXD is enough until the line has looked: PCINT16 is masked from there to the next
+//! character, so that the other edges of this one cost nothing. With the line's attention set, characters take the
+//! slower way, on which the mask is lifted again.
+//!
+//! In an image in which no task waits for these pins all of this costs nothing: see [`IN_USE`].
+
+use core::task::Waker;
+
+use super::{Edge, Shared, Source, Waiting, sealed};
+use crate::executor::{self, EDGE};
+use crate::pac::EXINT;
+use crate::usart::set_attention;
+
+/// PIND (DS 14.4.10) and RXD in it.
+const PIND: *const u8 = 0x29 as *const u8;
+const RXD: u8 = 1 << 0;
+
+/// PCIF2 of PCIFR and PCIE2 of PCICR (DS 13.2.4, 13.2.5).
+const PORT_D: u8 = 1 << 2;
+/// PCINT16, which is RXD, of PCMSK2 (DS 13.2.6).
+const PCINT16: u8 = 1 << 0;
+
+/// The first of the pins, and how many there are.
+const FIRST: u32 = 4;
+const PINS: usize = 4;
+
+/// Not 0 once a task has waited. Nothing else sets it: where no task can, the compiler knows that it is 0, and leaves out what
+/// asks for it.
+static IN_USE: Shared = Shared::new();
+/// Pins that are waited for, and of these the ones that wait for each kind of edge.
+static ARMED: Shared = Shared::new();
+static RISING: Shared = Shared::new();
+static FALLING: Shared = Shared::new();
+/// Their levels as they were last seen.
+static LEVELS: Shared = Shared::new();
+/// Not 0 if RXD has changed since the line has last looked for a start bit.
+static START: Shared = Shared::new();
+
+static WAITING: Waiting<PINS> = Waiting::new();
+
+fn exint() -> &'static crate::pac::exint::RegisterBlock {
+    // SAFETY: as for the line's registers, which these are too; with interrupts off.
+    unsafe { &*EXINT::ptr() }
+}
+
+/// The levels of port D.
+#[inline(always)]
+fn levels() -> u8 {
+    // SAFETY: reading has no effect.
+    unsafe { PIND.read_volatile() }
+}
+
+/// Whether the flag is set (DS 13.2.5).
+#[inline(always)]
+fn flag() -> bool {
+    exint().pcifr().read().bits() & PORT_D != 0
+}
+
+/// Clears it by writing a one.
+#[inline(always)]
+fn clear_flag() {
+    // SAFETY: writing a one clears this flag and no other.
+    exint().pcifr().write(|w| unsafe { w.bits(PORT_D) });
+}
+
+/// Switches the interrupt. PCICR is shared with ports B and C.
+fn enable(on: bool) {
+    // SAFETY: the handler is bound where it is switched on.
+    exint().pcicr().modify(|r, w| unsafe {
+        w.bits(if on {
+            r.bits() | PORT_D
+        } else {
+            r.bits() & !PORT_D
+        })
+    });
+}
+
+/// Changes PCMSK2.
+#[inline(always)]
+fn mask(set: u8, clear: u8) {
+    // SAFETY: any pins may be in the mask.
+    exint()
+        .pcmsk2()
+        .modify(|r, w| unsafe { w.bits(r.bits() & !clear | set) });
+}
+
+/// Whether a task waits for an edge.
+#[inline(always)]
+pub(crate) fn has_waits() -> bool {
+    IN_USE.get() != 0 && ARMED.get() != 0
+}
+
+/// Looks at the pins that are waited for, and has those woken who wait for what they did. Whether any has changed.
+fn look(now: u8) -> bool {
+    let armed = ARMED.get();
+    let changed = (now ^ LEVELS.get()) & armed;
+    if changed == 0 {
+        return false;
+    }
+    LEVELS.set(now);
+    let seen = changed & (now & RISING.get() | !now & FALLING.get());
+    if seen != 0 {
+        stop(seen);
+        executor::set(EDGE);
+    }
+    true
+}
+
+/// Waits no longer for the pins of `pins`.
+fn stop(pins: u8) {
+    let armed = ARMED.get() & !pins;
+    ARMED.set(armed);
+    mask(0, pins);
+    if armed == 0 {
+        // The flag is the detector again, of RXD alone.
+        mask(PCINT16, 0);
+        enable(false);
+    }
+}
+
+/// The flag was set: clears it and says whose it was.
+fn serve() {
+    let is_rxd_masked = exint().pcmsk2().read().bits() & PCINT16 == 0;
+    clear_flag();
+    let now = levels();
+    // A start bit is longer than an interrupt has to wait up to 57600 baud: if a pin has changed as well, RXD is low still.
+    let is_other = look(now);
+    if !is_rxd_masked && (!is_other || now & RXD == 0) {
+        START.set(1);
+        if has_waits() {
+            mask(0, PCINT16);
+        }
+        set_attention(true);
+    }
+}
+
+/// Whether RXD has changed since [`clear_start_bit`]. Once a character is complete the next change can only be a start bit (or
+/// noise), so this tells that a character is on its way a whole character before RXC does. The flag is set whether or
+/// not the interrupt is enabled (DS 13.2.5).
+#[inline(always)]
+pub(crate) fn start_bit_seen() -> bool {
+    if has_waits() {
+        if flag() {
+            serve();
+        }
+    } else if flag() {
+        return true;
+    }
+    has_seen_start()
+}
+
+/// What [`START`] says.
+#[inline(always)]
+fn has_seen_start() -> bool {
+    IN_USE.get() != 0 && START.get() != 0
+}
+
+/// Forgets start bits. A pin that has changed is seen all the same.
+#[inline(always)]
+pub(crate) fn clear_start_bit() {
+    if IN_USE.get() != 0 {
+        START.set(0);
+    }
+    if has_waits() {
+        mask(PCINT16, 0);
+        clear_flag();
+        look(levels());
+    } else {
+        clear_flag();
+    }
+}
+
+/// A character came, whose interrupt has cleared the flag.
+#[inline(always)]
+pub(crate) fn on_character() {
+    if has_waits() || has_seen_start() {
+        clear_start_bit();
+    }
+}
+
+/// PCINT2, on PD4 to PD7.
+pub enum PortD {}
+
+impl sealed::Sealed for PortD {}
+
+impl Source for PortD {
+    fn arm(pins: u8, edge: Edge) {
+        IN_USE.set(1);
+        if has_waits() {
+            // What the others did up to now is theirs.
+            look(levels());
+        }
+        let kinds = [
+            (&RISING, edge != Edge::Falling),
+            (&FALLING, edge != Edge::Rising),
+        ];
+        for (kind, is_waited_for) in kinds {
+            let others = kind.get() & !pins;
+            kind.set(if is_waited_for { others | pins } else { others });
+        }
+        LEVELS.set(LEVELS.get() & !pins | levels() & pins);
+        ARMED.set(ARMED.get() | pins);
+        mask(pins, 0);
+        set_attention(true);
+        // What the flag has seen of RXD up to now it serves.
+        enable(true);
+    }
+
+    fn disarm(pins: u8) {
+        if ARMED.get() & pins != 0 {
+            if flag() {
+                serve();
+            }
+            stop(ARMED.get() & pins);
+        }
+    }
+
+    fn is_armed(pins: u8) -> bool {
+        ARMED.get() & pins != 0
+    }
+
+    fn register(pins: u8, waker: &Waker) {
+        WAITING.register((pins.trailing_zeros() - FIRST) as usize, waker);
+    }
+}
+
+impl PortD {
+    /// For [`bind_edges!`](crate::bind_edges).
+    ///
+    /// # Safety
+    /// From the interrupt PCINT2 only.
+    #[doc(hidden)]
+    pub unsafe fn on_change() {
+        serve();
+    }
+
+    #[inline(always)]
+    pub(super) fn wake() {
+        if IN_USE.get() != 0 {
+            let armed = critical_section::with(|_| ARMED.get()) >> FIRST;
+            WAITING.wake(|index| armed & 1 << index == 0);
+        }
+    }
+}

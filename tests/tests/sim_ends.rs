@@ -5,6 +5,7 @@ mod places;
 mod sims;
 
 use std::path::PathBuf;
+use std::process::Command;
 
 use common::conforms::Board;
 use common::plain::wire::Way;
@@ -118,4 +119,61 @@ fn qemu_that_dies_or_hangs_ends_it_with_a_message() {
         assert_eq!(sim.left_behind(), [""; 0]);
         assert_none_runs(&children);
     }
+}
+
+/// The command `sim registers`, with a stand-in for cargo that never comes to an end; and the processes that have begun then.
+fn while_cargo_builds() -> (Sim, Vec<Pid>) {
+    // What needs the real one.
+    image("registers", &[]);
+    let folder = Sim::folder();
+    sims::stand_in(&folder, "cargo", "sleep 1000 & echo > $TMPDIR/begun; wait");
+    let mut command = Command::new(places::xtask());
+    command.args(["sim", "registers", "--link"]);
+    command.arg(folder.path().join("bus"));
+    sims::settle(&mut command, &folder);
+    command.env("CARGO", folder.path().join("bin/cargo"));
+    command.env("CARGO_MANIFEST_DIR", places::package());
+    let sim = Sim::start(command, folder);
+    let begun = sim.folder.path().join("begun");
+    assert!(await_true(|| begun.exists()));
+    let children = sim.children();
+    let grandchildren: Vec<_> = children
+        .iter()
+        .copied()
+        .flat_map(sims::children_of)
+        .collect();
+    assert!(!grandchildren.is_empty());
+    (sim, [children, grandchildren].concat())
+}
+
+#[test]
+fn a_signal_while_it_is_built_ends_it_well_with_all_that_builds() {
+    for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP] {
+        let (mut sim, processes) = while_cargo_builds();
+        sim.send(signal);
+        assert_eq!(sim.ended().code(), Some(0), "{}", sim.complaint());
+        assert_none_runs(&processes);
+    }
+    let (mut sim, processes) = while_cargo_builds();
+    sim.send(Signal::SIGKILL);
+    sim.ended();
+    assert_none_runs(&processes);
+}
+
+#[test]
+fn a_signal_while_another_command_builds_ends_it_well() {
+    image("registers", &[]);
+    let lock = std::fs::File::create(places::root().join("target/firmware/lock"));
+    let lock = lock.expect("the lock of all builds");
+    lock.lock().expect("locked");
+    let folder = Sim::folder();
+    let mut command = Command::new(places::xtask());
+    command.args(["sim", "registers", "--link", "bus"]);
+    sims::settle(&mut command, &folder);
+    command.env("CARGO_MANIFEST_DIR", places::package());
+    let mut sim = Sim::start(command, folder);
+    sim.await_handler(Signal::SIGTERM);
+    sim.send(Signal::SIGTERM);
+    assert_eq!(sim.ended().code(), Some(0), "{}", sim.complaint());
+    assert_eq!(sim.left_behind(), [""; 0]);
 }

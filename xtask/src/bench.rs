@@ -129,7 +129,7 @@ pub fn check(builder: &Builder, board: Board) -> Result<Command, Error> {
 }
 
 fn measured(builder: &Builder, board: Board) -> Result<Command, Error> {
-    let mut bench = program("bench");
+    let mut bench = program("bench")?;
     let (images, flashed) = match board {
         Board::Nano => (images()?, Vec::new()),
         Board::Stm32 => (machine_images()?, flashed_images()?),

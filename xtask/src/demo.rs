@@ -3,8 +3,8 @@
 use crate::cli::LineOptions;
 use crate::error::Error;
 use crate::needs::Purpose;
-use crate::sim::{Scenario, become_program, build_images, program};
-use crate::{repo, setup};
+use crate::sim::{Scenario, build_images, program};
+use crate::{job, repo, setup};
 
 /// Comes back only if something fails.
 ///
@@ -18,7 +18,7 @@ pub fn run(hold: bool) -> Result<(), Error> {
         Purpose::Client,
     ])?;
     let mbpoll = repo::in_path("mbpoll").ok_or_else(|| Error::usage("mbpoll is not installed"))?;
-    let mut demo = program("demo");
+    let mut demo = program("demo")?;
     for path in build_images(&Scenario::DemoUnit.images(LineOptions::default())?)? {
         demo.arg("--image").arg(path);
     }
@@ -26,5 +26,5 @@ pub fn run(hold: bool) -> Result<(), Error> {
     if hold {
         demo.arg("--hold");
     }
-    Err(become_program(demo))
+    Err(job::become_program(&demo))
 }

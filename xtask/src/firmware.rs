@@ -5,8 +5,8 @@ use crate::error::Error;
 use crate::image::{Board, Image, word};
 use crate::needs::Purpose;
 use crate::toolchain::Toolchain;
-use crate::{repo, setup, size};
-use std::fs::{self, File};
+use crate::{job, repo, setup, size};
+use std::fs::{self, File, TryLockError};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -91,8 +91,11 @@ impl Builder {
         let lock_path = folder.join("lock");
         let lock =
             File::create(&lock_path).map_err(|error| Error::io(lock_path.display(), error))?;
-        lock.lock()
-            .map_err(|error| Error::io(lock_path.display(), error))?;
+        job::wait_until(|| match lock.try_lock() {
+            Ok(()) => Ok(true),
+            Err(TryLockError::WouldBlock) => Ok(false),
+            Err(TryLockError::Error(error)) => Err(Error::io(lock_path.display(), error)),
+        })?;
 
         let key = self.key(image)?;
         let fresh = fs::read_to_string(&stamp).is_ok_and(|made| made == key);
@@ -108,7 +111,7 @@ impl Builder {
         let made = repo::root().join(image.board().target_dir()).join(made);
         copy(&made, &elf)?;
         if has_hex {
-            repo::run(
+            job::run(
                 Command::new("avr-objcopy")
                     // The hex file is for the flash alone; EEPROM has its own.
                     .args(["-O", "ihex", "-R", ".eeprom"])
@@ -176,7 +179,7 @@ impl Builder {
                 None => cargo.env_remove(name),
             };
         }
-        repo::run(&mut cargo)
+        job::run(&mut cargo)
     }
 
     /// Names everything that the image depends on. The contents of the sources count, not their

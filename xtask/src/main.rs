@@ -13,6 +13,7 @@ mod firmware;
 mod flash;
 mod fuzz;
 mod image;
+mod job;
 mod machine;
 mod mutants;
 mod needs;

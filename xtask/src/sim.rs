@@ -5,9 +5,8 @@ use crate::error::Error;
 use crate::firmware::{Builder, purpose_of};
 use crate::image::{App, Board, DEFAULT_BAUD, Format, Image, Options, word, words};
 use crate::needs::Purpose;
-use crate::{repo, setup};
+use crate::{job, repo, setup};
 use clap::ValueEnum;
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -112,12 +111,20 @@ impl Scenario {
     }
 }
 
-/// Builds what is needed and becomes the simulated bus; comes back only if that fails. Being
-/// replaced, not waited for, the bus gets every signal itself and its exit code is ours.
+/// Builds what is needed and becomes the simulated bus; comes back only if that fails, or if a signal ends it before. Being
+/// replaced, not waited for, the bus gets every later signal itself and its exit code is ours.
 ///
 /// # Errors
 /// [`Error::usage`] before anything is built, for a scenario, link or machine that will not do.
 pub fn run(request: &SimRequest) -> Result<(), Error> {
+    job::watch()?;
+    match start(request) {
+        Err(_) if job::is_stopped() => Ok(()),
+        result => result,
+    }
+}
+
+fn start(request: &SimRequest) -> Result<(), Error> {
     let images = request.scenario.images(request.line)?;
     check_link(&request.link)?;
     let mut purposes = vec![Purpose::Firmware, Purpose::Simulator];
@@ -130,7 +137,7 @@ pub fn run(request: &SimRequest) -> Result<(), Error> {
     setup::require(&purposes)?;
     let paths = build_images(&images)?;
 
-    let mut bus = program("sim");
+    let mut bus = program("sim")?;
     bus.arg(word(request.scenario));
     for path in paths {
         bus.arg("--image").arg(path);
@@ -155,7 +162,7 @@ pub fn run(request: &SimRequest) -> Result<(), Error> {
     if let Some(name) = &request.inject {
         bus.arg("--inject").arg(name);
     }
-    Err(become_program(bus))
+    Err(job::become_program(&bus))
 }
 
 /// Builds all of `images`.
@@ -167,21 +174,21 @@ pub fn build_images(images: &[Image]) -> Result<Vec<PathBuf>, Error> {
     images.iter().map(|image| builder.build(image)).collect()
 }
 
-/// A program of the tests crate, built when it is run. cargo keeps the caller's folder, so that
-/// relative paths mean what the user meant.
-pub fn program(name: &str) -> Command {
-    let mut command = repo::cargo();
-    command
-        .args(["run", "--quiet", "--release", "--manifest-path"])
-        .arg(repo::root().join("Cargo.toml"))
-        .args(["--package", "multidrop-bus", "--bin", name, "--"]);
-    command
-}
-
-/// Replaces this program by `command`; gives the reason when that cannot be done.
-pub fn become_program(mut command: Command) -> Error {
-    let error = command.exec();
-    Error::io(command.get_program().to_string_lossy(), error)
+/// A program of the tests crate, built.
+///
+/// # Errors
+/// As [`job::run`].
+pub fn program(name: &str) -> Result<Command, Error> {
+    let mut cargo = repo::cargo_in_root(&["build", "--quiet", "--release"]);
+    cargo.args(["--package", "multidrop-bus", "--bin", name]);
+    cargo.args(["--message-format", "json-render-diagnostics"]);
+    let printed = job::output_of(&mut cargo)?;
+    let path = job::executable(&printed)
+        .ok_or_else(|| Error::failed(format!("cargo does not say where {name} is")))?;
+    let mut command = Command::new(path);
+    // As `cargo run` does: it finds its repository by that.
+    command.env("CARGO_MANIFEST_DIR", repo::root().join("tests"));
+    Ok(command)
 }
 
 /// A link is only made in place of an older link: whatever else stands there is the user's.

@@ -13,6 +13,7 @@ use multidrop_bus::{
     Bus, BusConfig, BusError, Format, HostPort, Line, Live, LiveError, Nano, NodeId, Pin, Stm32,
     Time, WireId, barrier,
 };
+use nix::sys::signal::{SigSet, Signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 /// Time given to the nodes to boot: many times what they need, t3.5 included.
@@ -181,6 +182,10 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(SimError::Signals)?;
     }
+    // What became this program may have held them back.
+    let ours = SigSet::from_iter([Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP]);
+    ours.thread_unblock()
+        .map_err(|error| SimError::Signals(error.into()))?;
     let line = Line {
         baud: arguments.baud,
         format: arguments.format,

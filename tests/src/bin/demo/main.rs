@@ -12,6 +12,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Parser;
 use multidrop_bus::{BusError, LiveError};
+use nix::sys::signal::{SigSet, Signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use desk::{Desk, UNITS};
@@ -86,6 +87,9 @@ fn run(arguments: &Arguments) -> Result<(), Trouble> {
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
+    // What became this program may have held them back.
+    let ours = SigSet::from_iter([Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP]);
+    ours.thread_unblock().map_err(std::io::Error::from)?;
     let scratch = tempfile::tempdir()?;
     let folder = if arguments.hold {
         Path::new(".")

@@ -1,0 +1,236 @@
+//! Programs that are run for us and end with us: none goes on when the command is interrupted or killed.
+
+use crate::error::Error;
+use crate::repo;
+use nix::sys::signal::{SigSet, SigmaskHow, Signal, killpg, pthread_sigmask};
+use nix::unistd::{Pid, execve};
+use std::ffi::{CString, OsString};
+use std::io::Read;
+use std::os::unix::ffi::OsStringExt;
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::thread;
+use std::time::Duration;
+
+/// How often a wait looks at whether it is to end.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// Set by the first signal that asks for the end.
+static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
+const ENDING: [Signal; 3] = [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP];
+
+/// From now on Ctrl-C, SIGTERM and SIGHUP end the command in good order.
+///
+/// # Errors
+/// [`Error::failed`] if the system refuses.
+pub fn watch() -> Result<(), Error> {
+    let stop = STOP.get_or_init(Arc::default);
+    for signal in ENDING {
+        signal_hook::flag::register(signal as i32, Arc::clone(stop))
+            .map_err(|error| Error::io("cannot watch for signals", error))?;
+    }
+    Ok(())
+}
+
+/// Whether a signal has asked for the end.
+pub fn is_stopped() -> bool {
+    STOP.get().is_some_and(|stop| stop.load(Ordering::Relaxed))
+}
+
+/// An error once a signal has asked for the end.
+///
+/// # Errors
+/// Exit code 1, without a message.
+pub fn check() -> Result<(), Error> {
+    if is_stopped() {
+        Err(Error::silent(1))
+    } else {
+        Ok(())
+    }
+}
+
+/// Waits until `done`.
+///
+/// # Errors
+/// What `done` says; and as [`check`].
+pub fn wait_until(mut done: impl FnMut() -> Result<bool, Error>) -> Result<(), Error> {
+    while !done()? {
+        check()?;
+        thread::sleep(LOOK);
+    }
+    Ok(())
+}
+
+/// As [`repo::run`], for a program that starts others, as cargo does: all of them end with us.
+///
+/// # Errors
+/// [`Error::failed`] if it fails; and as [`check`].
+pub fn run(command: &mut Command) -> Result<(), Error> {
+    finish(command, Group::new()?)
+}
+
+/// As [`run`]; gives what the program printed.
+///
+/// # Errors
+/// As [`run`].
+pub fn output_of(command: &mut Command) -> Result<String, Error> {
+    let (mut printed, end) =
+        std::io::pipe().map_err(|error| Error::io("cannot make a pipe", error))?;
+    command.stdout(end);
+    let reader = thread::spawn(move || {
+        let mut text = Vec::new();
+        printed.read_to_end(&mut text).map(|_| text)
+    });
+    let ended = finish(command, Group::new()?);
+    // The end of the pipe that is for the program closes with it here.
+    command.stdout(Stdio::null());
+    ended?;
+    let text = reader.join().expect("reading does not panic");
+    let text = text.map_err(|error| Error::io(repo::shown(command), error))?;
+    Ok(String::from_utf8_lossy(&text).into_owned())
+}
+
+fn finish(command: &mut Command, group: Group) -> Result<(), Error> {
+    let shown = repo::shown(command);
+    let mut child = command
+        .process_group(group.id())
+        .spawn()
+        .map_err(|error| Error::io(command.get_program().to_string_lossy(), error))?;
+    let mut status = None;
+    let waited = wait_until(|| {
+        status = child.try_wait().map_err(|error| Error::io(&shown, error))?;
+        Ok(status.is_some())
+    });
+    if waited.is_err() {
+        group.kill();
+        let _ = child.wait();
+    }
+    waited?;
+    match status {
+        Some(status) if !status.success() => {
+            Err(Error::failed(format!("{shown} ended with {status}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// A process group with a watcher in it, which reads from us: when there is nobody any more to read from, even after SIGKILL,
+/// it ends the whole group.
+struct Group(Child);
+
+impl Group {
+    fn new() -> Result<Self, Error> {
+        Command::new("sh")
+            .args(["-c", "read nothing; kill -KILL 0"])
+            .process_group(0)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .map(Self)
+            .map_err(|error| Error::io("sh", error))
+    }
+
+    fn id(&self) -> i32 {
+        self.0.id().cast_signed()
+    }
+
+    fn kill(&self) {
+        let _ = killpg(Pid::from_raw(self.id()), Signal::SIGKILL);
+    }
+}
+
+impl Drop for Group {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Replaces this program by `command`, of which only the program, the arguments and the environment count. A signal that comes
+/// meanwhile is the new program's: they are blocked until it lets them in. Comes back only if that fails.
+pub fn become_program(command: &Command) -> Error {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let failed = |reason: String| Error::failed(format!("{name}: {reason}"));
+    let text = |text: OsString| CString::new(text.into_vec()).map_err(|error| error.to_string());
+    let mut environment: Vec<(OsString, OsString)> = std::env::vars_os().collect();
+    for (key, value) in command.get_envs() {
+        environment.retain(|(known, _)| known != key);
+        environment.extend(value.map(|value| (key.to_owned(), value.to_owned())));
+    }
+    let environment = environment.into_iter().map(|(mut key, value)| {
+        key.push("=");
+        key.push(value);
+        text(key)
+    });
+    let program = command.get_program();
+    let words = std::iter::once(program).chain(command.get_args());
+    let prepared = || -> Result<_, String> {
+        let words: Vec<_> = words
+            .map(|word| text(word.to_owned()))
+            .collect::<Result<_, _>>()?;
+        Ok((words, environment.collect::<Result<Vec<_>, _>>()?))
+    };
+    let (words, environment) = match prepared() {
+        Ok(prepared) => prepared,
+        Err(reason) => return failed(reason),
+    };
+    let ending = SigSet::from_iter(ENDING);
+    if let Err(error) = pthread_sigmask(SigmaskHow::SIG_BLOCK, Some(&ending), None) {
+        return failed(error.to_string());
+    }
+    if let Err(stopped) = check() {
+        return stopped;
+    }
+    match execve(&words[0], &words, &environment) {
+        Err(error) => failed(error.to_string()),
+        Ok(never) => match never {},
+    }
+}
+
+/// The program that cargo has built, from what it printed as JSON.
+pub fn executable(printed: &str) -> Option<PathBuf> {
+    let built = printed.lines().rev().find_map(|line| {
+        let (_, rest) = line.split_once("\"executable\":\"")?;
+        // A quotation mark within the path stands behind a backslash.
+        let mut path = String::new();
+        let mut letters = rest.chars();
+        loop {
+            match letters.next()? {
+                '"' => return Some(path),
+                '\\' => path.push(letters.next()?),
+                letter => path.push(letter),
+            }
+        }
+    });
+    built.map(PathBuf::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_program_is_the_last_that_cargo_tells_of() {
+        let printed = r#"{"reason":"compiler-artifact","executable":null,"fresh":true}
+{"reason":"compiler-artifact","executable":"/a \"b\"/c\\d/sim","fresh":true}
+{"reason":"build-finished","success":true}"#;
+        let path = executable(printed);
+        assert_eq!(path, Some(PathBuf::from(r#"/a "b"/c\d/sim"#)));
+        assert_eq!(executable("{\"executable\":null}"), None);
+    }
+
+    #[test]
+    fn a_program_that_fails_is_named_and_its_output_is_kept() {
+        let error = run(Command::new("sh").args(["-c", "exit 3"])).expect_err("it fails");
+        assert_eq!(error.message(), "sh -c exit 3 ended with exit status: 3");
+        let said = output_of(Command::new("sh").args(["-c", "echo $PPID; echo done"]));
+        assert!(said.expect("it works").ends_with("\ndone\n"));
+        let error = run(&mut Command::new("no-such-program")).expect_err("it is not there");
+        assert!(error.message().starts_with("no-such-program: "));
+    }
+}

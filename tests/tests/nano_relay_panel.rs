@@ -9,9 +9,6 @@ use multidrop_bus::{
     framed,
 };
 
-/// How long DE of a client may stay up: where the clock is read, or goes round, other interrupts wait.
-const DE_LAG: Time = Time::from_us(20);
-
 const BUTTONS: [Pin; 2] = [Pin::D3, Pin::D4];
 const LEDS: [Pin; 2] = [Pin::D5, Pin::D6];
 const ERROR: Pin = Pin::B5;

@@ -8,9 +8,6 @@ use multidrop_bus::{
     Bus, BusConfig, Framing, HostId, HostPort, Level, Nano, NodeId, Pin, Station, Time, framed,
 };
 
-/// How long DE of a client may stay up: where the clock is read, or goes round, other interrupts wait.
-const DE_LAG: Time = Time::from_us(20);
-
 /// A bus with a client, its server, and a host that listens.
 fn pair(client: &str, server: &str) -> (Bus, NodeId, HostId) {
     let mut bus = Bus::new(BusConfig::default());

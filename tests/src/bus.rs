@@ -544,7 +544,7 @@ impl Bus {
             let (wire, event) = entry.remove();
             self.wires[wire.0].apply(event, self.now, &mut self.records[wire.0]);
         }
-        let mut began = Vec::new();
+        let (mut began, mut edges) = (Vec::new(), Vec::new());
         for wire in (0..self.wires.len()).map(WireId) {
             if !self.wires[wire.0].is_changed() {
                 continue;
@@ -563,6 +563,7 @@ impl Bus {
                         let host = &mut self.hosts[id.0];
                         let was_receiving = host.is_receiving();
                         host.edge(self.now, level);
+                        edges.push((id, level));
                         if host.is_receiving() && !was_receiving {
                             began.push(id);
                         }
@@ -571,7 +572,7 @@ impl Bus {
             }
         }
         for machine in &mut self.machines {
-            machine.hear(&mut self.hosts, &began);
+            machine.hear(&mut self.hosts, &began, &edges);
         }
     }
 

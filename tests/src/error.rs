@@ -46,8 +46,8 @@ pub enum BusError {
     /// The clock is outside 1 Hz ..= 20 MHz.
     #[error("a clock of {0} Hz is outside 1 Hz ..= 20 MHz")]
     Clock(u32),
-    /// A machine in QEMU does not start.
-    #[error("the STM32 does not start in QEMU: {reason}")]
+    /// An STM32 does not start.
+    #[error("the STM32 does not start: {reason}")]
     Machine {
         /// What went wrong.
         reason: String,

@@ -126,6 +126,8 @@ pub struct RxByte {
     pub framing_error: bool,
     /// The parity was wrong.
     pub parity_error: bool,
+    /// The wire changed about the middle of a bit, so that three samples there do not agree.
+    pub noise: bool,
 }
 
 impl RxByte {
@@ -173,6 +175,13 @@ impl BitTimes {
         (self.bit(bit) + self.bit(bit + 1)) / 2
     }
 
+    /// The samples before and behind that, of sixteen in a bit.
+    fn beside(&self, bit: u32) -> [Time; 2] {
+        let sixteenth = (self.bit(bit + 1) - self.bit(bit)) / 16;
+        let middle = self.middle(bit);
+        [middle - sixteenth, middle + sixteenth]
+    }
+
     pub fn end(&self) -> Time {
         self.bit(self.count)
     }
@@ -197,6 +206,8 @@ pub struct Host {
     /// Levels the host hears, from the start of the character it is in.
     heard: VecDeque<(Time, bool)>,
     receiving: Option<BitTimes>,
+    /// Whether its receiver is on.
+    listening: bool,
     inbox: VecDeque<RxByte>,
     now: Time,
 }
@@ -210,6 +221,7 @@ impl Host {
             busy_until: Time::ZERO,
             heard: VecDeque::from([(Time::ZERO, true)]),
             receiving: None,
+            listening: true,
             inbox: VecDeque::new(),
             now: Time::ZERO,
         }
@@ -229,6 +241,20 @@ impl Host {
     pub fn set_line(&mut self, line: Line) {
         self.config.line = line;
         self.clock = Clock::new(line.baud, self.config.clock_ppm);
+    }
+
+    /// Switches its receiver: what comes in is broken off, and it hears from the next falling edge on.
+    pub(crate) fn set_listening(&mut self, on: bool) {
+        if on != self.listening {
+            self.listening = on;
+            self.receiving = None;
+        }
+    }
+
+    /// What it was sending ends here.
+    pub(crate) fn break_off(&mut self, at: Time) {
+        self.outbox.clear();
+        self.busy_until = at;
     }
 
     /// What it sends next begins at `at` or later.
@@ -320,7 +346,7 @@ impl Host {
             while self.heard.len() > 2 {
                 self.heard.pop_front();
             }
-            if was && !level {
+            if was && !level && self.listening {
                 let format = self.config.line.format;
                 self.receiving = Some(BitTimes::from_edge(at, self.clock, format));
             }
@@ -349,12 +375,20 @@ impl Host {
             .map(|bit| u16::from(self.level_at(times.middle(bit))) << bit)
             .fold(0, |bits, bit| bits | bit);
         let decoded = format.decode(bits);
+        let noise = (0..times.count - u32::from(format.stop_bits)).any(|bit| {
+            let level = bits >> bit & 1 != 0;
+            times
+                .beside(bit)
+                .iter()
+                .any(|at| self.level_at(*at) != level)
+        });
         self.inbox.push_back(RxByte {
             value: decoded.value as u8,
             start: times.start(),
             end: times.end(),
             framing_error: decoded.framing_error,
             parity_error: decoded.parity_error,
+            noise,
         });
     }
 }

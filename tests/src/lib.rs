@@ -2,8 +2,8 @@
 //! flashed, and hosts without firmware, on one half-duplex wire.
 //!
 //! The instruction core is simavr's; USART0, Timer1, EEPROM, ports, interrupt timing and sleep are
-//! modelled after the data sheet (Microchip DS40002061B). Same inputs, same record: nothing depends
-//! on the machine's time or scheduling.
+//! modelled after the data sheet (Microchip DS40002061B). An STM32F405 runs in QEMU or on Unicorn's core ([`Emulator`]). Same
+//! inputs, same record: nothing depends on the machine's time or scheduling.
 //!
 //! ```no_run
 //! use multidrop_bus::{Bus, BusConfig, HostPort, Line, Nano, Pin, Time};
@@ -55,7 +55,7 @@ pub use gpio::{Level, Pin};
 pub use host::{Host, HostPort, RxByte, Tx};
 pub use line::{Format, Line, Parity};
 pub use live::{Live, LiveError};
-pub use machine::{Instructions, Machine, MachineId, Parts, Stm32, barrier};
+pub use machine::{Cause, Emulator, Instructions, Machine, MachineId, Parts, Silicon, Stm32};
 pub use node::{Nano, Node, Stats, VECTORS, VectorStats};
 pub use record::{
     Conflict, DataEdge, DeEdge, HostId, NodeId, PinEdge, Record, Station, WireByte, WireEdge,

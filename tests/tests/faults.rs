@@ -4,10 +4,13 @@ mod common;
 
 use common::conforms::Board;
 use common::frames::{data, words};
-use common::{LINE, faults, image};
-use multidrop_bus::{
-    Bus, BusConfig, HostId, HostPort, Line, Station, Stm32, Time, WireId, barrier,
-};
+use common::{LINE, Runner, faults, image, on_both};
+use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Line, Station, Stm32, Time, WireId};
+
+on_both! {
+    the_stm32_lets_go_of_the_bus_when_it_faults,
+    the_stm32_bounds_how_long_it_sends,
+}
 
 /// How the unit fails, as `multidrop_firmware::faults` numbers it.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +27,15 @@ const POWER: u8 = 1;
 const PIN: u8 = 4;
 const FAULT: u8 = 5;
 const OTHER: u8 = 6;
+
+/// What a unit starts for at first.
+fn first(board: Board) -> u8 {
+    match board {
+        // QEMU's RCC has no flags of resets.
+        Board::Stm32(Runner::Qemu) => OTHER,
+        Board::Nano | Board::Stm32(Runner::Core) => POWER,
+    }
+}
 
 /// The unit that fails.
 const UNIT: u8 = 5;
@@ -52,14 +64,14 @@ impl Desk {
                 let unit = bus.add_image("unit", &faults(board, line));
                 unit.expect("a valid image").into()
             }
-            Board::Stm32 => {
+            Board::Stm32(runner) => {
                 let stm32 = Stm32 {
                     name: "unit".to_owned(),
                     image: faults(board, line),
-                    plugin: barrier().expect("set-up has built it"),
+                    emulator: runner.emulator(),
                     wires: [None, None, None, Some(WireId::default())],
                 };
-                let unit = bus.add_stm32(stm32).expect("QEMU runs");
+                let unit = bus.add_stm32(stm32).expect("a valid image");
                 bus.machine(unit).station(3).expect("RS4 is on the wire")
             }
         };
@@ -71,11 +83,7 @@ impl Desk {
             line,
         };
         desk.bus.run_for(BOOT);
-        desk.is_well(match board {
-            Board::Nano => POWER,
-            // QEMU's RCC has no flags of resets.
-            Board::Stm32 => OTHER,
-        });
+        desk.is_well(first(board));
         desk
     }
 
@@ -175,11 +183,10 @@ fn starts_anew(board: Board, failures: &[Failure]) {
     }
 }
 
-#[test]
-fn the_stm32_lets_go_of_the_bus_when_it_faults() {
+fn the_stm32_lets_go_of_the_bus_when_it_faults(runner: Runner) {
     use Failure::{Panic, PanicInInterrupt, UnhandledInterrupt};
     starts_anew(
-        Board::Stm32,
+        Board::Stm32(runner),
         &[Panic, PanicInInterrupt, UnhandledInterrupt, Panic],
     );
 }
@@ -189,7 +196,7 @@ fn the_stm32_lets_go_of_the_bus_when_it_faults() {
 const ROUNDED: Time = Time::from_us(40);
 
 /// A transmission may take the time of its characters and of one more.
-fn is_bounded(board: Board, first: u8) {
+fn is_bounded(board: Board) {
     // At 2400 baud Timer1 of the Nano goes round four times in it.
     for line in [LINE, Line::n81(2_400)] {
         let mut desk = Desk::new(board, line);
@@ -202,20 +209,19 @@ fn is_bounded(board: Board, first: u8) {
             desk.neighbour_is_well();
             desk.bus.run_for(BOOT);
             // It goes on without a reset.
-            desk.is_well(first);
+            desk.is_well(first(board));
             assert_eq!(desk.bus.record().conflicts(), [], "{failure:?}");
         }
     }
 }
 
-#[test]
-fn the_stm32_bounds_how_long_it_sends() {
-    is_bounded(Board::Stm32, OTHER);
+fn the_stm32_bounds_how_long_it_sends(runner: Runner) {
+    is_bounded(Board::Stm32(runner));
 }
 
 #[test]
 fn the_nano_bounds_how_long_it_sends() {
-    is_bounded(Board::Nano, POWER);
+    is_bounded(Board::Nano);
 }
 
 /// Without a watchdog it says nothing more.

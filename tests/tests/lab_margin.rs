@@ -4,10 +4,16 @@
 mod common;
 
 use common::frames::{block, data, words};
-use common::{registers, stm32_registers_at};
+use common::{Runner, on_both, registers, stm32_registers_at};
 use multidrop_bus::{
-    Bus, BusConfig, HostId, HostPort, Line, Nano, Station, Stm32, Time, Tx, WireId, barrier,
+    Bus, BusConfig, Emulator, HostId, HostPort, Line, Nano, Station, Stm32, Time, Tx, WireId,
 };
+
+on_both! {
+    an_stm32_loses_nothing_back_to_back_where_both_clocks_are_1_percent_off,
+    an_stm32_withdraws_the_answer_to_a_frame_that_the_next_one_follows_early,
+    an_stm32_at_2_percent_hears_every_character_and_a_client_that_leaves_2_percent_more_silence,
+}
 
 const RATES: [u32; 5] = [9_600, 19_200, 38_400, 57_600, 115_200];
 const ROUNDS: u16 = 10;
@@ -61,17 +67,27 @@ impl Pair {
     }
 
     /// With an STM32. QEMU's clock is exact, so the client's is off by as much as both are apart.
-    fn stm32(line: Line, client_ppm: i32, unit_ppm: i32) -> Self {
+    fn stm32(runner: Runner, line: Line, client_ppm: i32, unit_ppm: i32) -> Self {
         let mut bus = Bus::new(BusConfig::default());
+        let mut emulator = runner.emulator();
+        let (client_ppm, unit_ppm) = match &mut emulator {
+            Emulator::Core { clock_ppm, .. } => {
+                *clock_ppm = unit_ppm;
+                (client_ppm, unit_ppm)
+            }
+            Emulator::Qemu { .. } => {
+                let apart = i64::from(client_ppm - unit_ppm) * 1_000_000;
+                ((apart / i64::from(1_000_000 + unit_ppm)) as i32, 0)
+            }
+        };
         bus.add_stm32(Stm32 {
             name: "stm32".to_owned(),
-            image: stm32_registers_at(line),
-            plugin: barrier().expect("set-up has built it"),
+            image: stm32_registers_at(runner, line),
+            emulator,
             wires: [None, None, None, Some(WireId::default())],
         })
-        .expect("QEMU runs");
-        let apart = i64::from(client_ppm - unit_ppm) * 1_000_000 / i64::from(1_000_000 + unit_ppm);
-        Self::new(bus, line, apart as i32, 0)
+        .expect("a valid image");
+        Self::new(bus, line, client_ppm, unit_ppm)
     }
 
     /// Sends frames, t3.5 after what was last on the line and t3.5 apart; the answer to the last.
@@ -174,9 +190,11 @@ fn a_nano_loses_nothing_back_to_back_where_both_clocks_are_1_percent_off() {
     nothing_is_lost(Pair::nano, of_a_nano);
 }
 
-#[test]
-fn an_stm32_loses_nothing_back_to_back_where_both_clocks_are_1_percent_off() {
-    nothing_is_lost(Pair::stm32, |_| ONE_PERCENT);
+fn an_stm32_loses_nothing_back_to_back_where_both_clocks_are_1_percent_off(runner: Runner) {
+    nothing_is_lost(
+        |line, client, unit| Pair::stm32(runner, line, client, unit),
+        |_| ONE_PERCENT,
+    );
 }
 
 /// A frame that begins before the answer to the one before it: that one's write is carried out, its answer withdrawn.
@@ -202,9 +220,11 @@ fn a_nano_withdraws_the_answer_to_a_frame_that_the_next_one_follows_early() {
     an_answer_is_withdrawn(Pair::nano, of_a_nano);
 }
 
-#[test]
-fn an_stm32_withdraws_the_answer_to_a_frame_that_the_next_one_follows_early() {
-    an_answer_is_withdrawn(Pair::stm32, |_| ONE_PERCENT);
+fn an_stm32_withdraws_the_answer_to_a_frame_that_the_next_one_follows_early(runner: Runner) {
+    an_answer_is_withdrawn(
+        |line, client, unit| Pair::stm32(runner, line, client, unit),
+        |_| ONE_PERCENT,
+    );
 }
 
 /// At 2 % each, 38400 8N1, one side still hears every frame. On the other the characters are whole, but t3.5 of a fast client is
@@ -224,9 +244,10 @@ fn a_nano_at_2_percent_hears_every_character_and_a_client_that_leaves_2_percent_
     two_percent(Pair::nano);
 }
 
-#[test]
-fn an_stm32_at_2_percent_hears_every_character_and_a_client_that_leaves_2_percent_more_silence() {
-    two_percent(Pair::stm32);
+fn an_stm32_at_2_percent_hears_every_character_and_a_client_that_leaves_2_percent_more_silence(
+    runner: Runner,
+) {
+    two_percent(|line, client, unit| Pair::stm32(runner, line, client, unit));
 }
 
 /// What a Nano's characters no longer survive: at 57600 baud, 2.8 % in all.

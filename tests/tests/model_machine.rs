@@ -3,7 +3,7 @@
 mod support;
 
 use multidrop_bus::{
-    Bus, BusConfig, HostId, HostPort, Line, MachineId, Stm32, Time, Tx, WireId, barrier,
+    Bus, BusConfig, Emulator, HostId, HostPort, Line, MachineId, Stm32, Time, Tx, WireId,
 };
 use support::assemble_arm;
 
@@ -16,8 +16,8 @@ fn echo() -> (Bus, HostId, MachineId) {
     let machine = bus
         .add_stm32(Stm32 {
             name: "stm32".to_owned(),
-            image: assemble_arm("echo"),
-            plugin: barrier().expect("set-up has built it"),
+            image: assemble_arm("echo", &[]),
+            emulator: Emulator::qemu().expect("set-up has built it"),
             wires: [Some(WireId::default()), None, None, None],
         })
         .expect("QEMU runs");

@@ -3,8 +3,8 @@
 mod support;
 
 use multidrop_bus::{
-    Bus, BusConfig, BusError, HostPort, Instructions, Line, MachineId, Parts, Stm32, Time, Tx,
-    WireId, barrier,
+    Bus, BusConfig, BusError, Emulator, HostPort, Instructions, Line, MachineId, Parts, Stm32,
+    Time, Tx, WireId,
 };
 use support::assemble_arm;
 
@@ -13,14 +13,14 @@ const LINE: Line = Line::n81(38_400);
 /// `arm/parts.S` after these characters, each so much after the one before: what was executed meanwhile, and how long its
 /// interrupts took.
 fn after(characters: &[(u8, Time)]) -> (Instructions, Vec<u64>) {
-    let image = assemble_arm("parts");
+    let image = assemble_arm("parts", &[]);
     let parts = Parts::of(&image, "marked.inc", &[], &["USART1"]).expect("it has all of them");
     let mut bus = Bus::new(BusConfig::default());
     let host = bus.add_host(HostPort::new(LINE));
     let stm32 = Stm32 {
         name: "stm32".to_owned(),
         image,
-        plugin: barrier().expect("set-up has built it"),
+        emulator: Emulator::qemu().expect("set-up has built it"),
         wires: [Some(WireId::default()), None, None, None],
     };
     let machine: MachineId = bus.add_stm32_in_parts(stm32, parts).expect("QEMU runs");
@@ -70,12 +70,12 @@ fn an_interrupt_amid_work_is_counted_and_not_timed() {
 
 #[test]
 fn parts_that_an_image_has_not_are_errors() {
-    let image = assemble_arm("parts");
+    let image = assemble_arm("parts", &[]);
     let error = Parts::of(&image, "marked.inc", &[], &["USART2"]).expect_err("no such function");
     assert!(matches!(error, BusError::NoSymbol(name) if name == "USART2"));
     let error = Parts::of(&image, "other.inc", &[], &[]).expect_err("no such source");
     assert!(error.to_string().contains("other.inc"), "{error}");
-    let image = assemble_arm("echo");
+    let image = assemble_arm("echo", &[]);
     let error = Parts::of(&image, "echo.S", &[], &[]).expect_err("it never waits");
     assert!(matches!(error, BusError::NoSymbol(name) if name == "multidrop_idle"));
 }

@@ -9,7 +9,7 @@ use std::process::Command;
 
 use common::conforms::Board;
 use common::plain::wire::Way;
-use common::{LINE, conformance, image, ports};
+use common::{LINE, Runner, conformance, image, ports};
 use nix::sys::signal::Signal;
 use nix::unistd::Pid;
 use sims::{Sim, await_true, runs};
@@ -19,10 +19,13 @@ fn scenarios() -> [(&'static str, Vec<PathBuf>); 3] {
     let units = ["1", "2", "3"].map(|unit| image("demo-unit", &["--unit", unit]));
     [
         ("demo-unit", units.to_vec()),
-        ("mixed", [units.to_vec(), vec![ports()]].concat()),
+        (
+            "mixed",
+            [units.to_vec(), vec![ports(Runner::Qemu)]].concat(),
+        ),
         (
             "stm32-conformance",
-            vec![conformance(Board::Stm32, Way::Rtu, LINE)],
+            vec![conformance(Board::Stm32(Runner::Qemu), Way::Rtu, LINE)],
         ),
     ]
 }

@@ -1,23 +1,30 @@
-//! The lines of the STM32 in QEMU: when they answer, what they take for a frame, and four of them at once.
+//! The lines of the STM32: when they answer, what they take for a frame, and four of them at once.
 
 mod common;
 
 use common::four::{AS1, Desk, RS2, RS4, setting};
 use common::frames::{adu, block, words};
 use common::plain::wire::from_rtu;
-use common::{LINE, Rig, stm32_example, stm32_registers};
+use common::{LINE, Rig, Runner, on_both, stm32_example, stm32_registers};
 use multidrop_bus::{
-    Bus, BusConfig, HostId, HostPort, Line, MachineId, Parts, Stm32, Time, Tx, WireId, barrier,
+    Bus, BusConfig, HostId, HostPort, Line, MachineId, Parts, Stm32, Time, Tx, WireId,
 };
+
+on_both! {
+    answers_begin_at_t3_5,
+    a_frame_is_what_has_no_gap_over_t1_5,
+    a_request_at_t3_5_after_another_units_is_heard,
+    with_gaps_allowed_t3_5_still_has_its_margin,
+    four_ports_at_once_lose_nothing,
+}
 
 /// A read of one register of unit 1.
 fn request() -> Vec<u8> {
     words(1, 3, 0, 1)
 }
 
-#[test]
-fn answers_begin_at_t3_5() {
-    let mut rig = Rig::stm32(&stm32_registers(), LINE);
+fn answers_begin_at_t3_5(runner: Runner) {
+    let mut rig = Rig::stm32(&stm32_registers(runner), runner, LINE);
     for step in 0..20 {
         rig.pause(Time::from_ns(5_000_000 + step * 1_237));
         for request in [
@@ -34,9 +41,8 @@ fn answers_begin_at_t3_5() {
     }
 }
 
-#[test]
-fn a_frame_is_what_has_no_gap_over_t1_5() {
-    let mut rig = Rig::stm32(&stm32_registers(), LINE);
+fn a_frame_is_what_has_no_gap_over_t1_5(runner: Runner) {
+    let mut rig = Rig::stm32(&stm32_registers(runner), runner, LINE);
     for (gap_us, answered) in [
         (700, true),
         (740, true),
@@ -59,9 +65,8 @@ fn a_frame_is_what_has_no_gap_over_t1_5() {
     }
 }
 
-#[test]
-fn a_request_at_t3_5_after_another_units_is_heard() {
-    let mut rig = Rig::stm32(&stm32_registers(), LINE);
+fn a_request_at_t3_5_after_another_units_is_heard(runner: Runner) {
+    let mut rig = Rig::stm32(&stm32_registers(runner), runner, LINE);
     for (pause_us, answered) in [(1660, false), (1690, true), (1750, true), (1760, true)] {
         let other = words(9, 3, 0, 1).into_iter().map(Tx::byte);
         let ours = request().into_iter().enumerate().map(|(index, byte)| {
@@ -79,8 +84,9 @@ fn a_request_at_t3_5_after_another_units_is_heard() {
 }
 
 /// A port whose register INTER_CHARACTER is loaded with this value; its host, and a request that is answered.
-fn desk_with_gaps(inter_character: u32) -> (Desk, Vec<u8>, Vec<u8>) {
-    let mut desk = Desk::new(&common::ports(), &[]).expect("QEMU runs the image");
+fn desk_with_gaps(runner: Runner, inter_character: u32) -> (Desk, Vec<u8>, Vec<u8>) {
+    let mut desk =
+        Desk::new(&common::ports(runner), runner.emulator(), &[]).expect("a valid image");
     let register = setting(AS1, 26);
     let value = inter_character.to_be_bytes();
     let load = block(10, 16, register, 2, &value);
@@ -115,9 +121,8 @@ fn say(desk: &mut Desk, pieces: &[&[u8]], apart: Time) -> Option<(Vec<u8>, Time)
 }
 
 /// Where gaps are allowed, t3.5 less its last 1/24 ends a frame: two clocks measure it.
-#[test]
-fn with_gaps_allowed_t3_5_still_has_its_margin() {
-    let (mut desk, request, expected) = desk_with_gaps(1);
+fn with_gaps_allowed_t3_5_still_has_its_margin(runner: Runner) {
+    let (mut desk, request, expected) = desk_with_gaps(runner, 1);
     let (head, tail) = request.split_at(3);
     for (percent, answered) in [(90, true), (95, true), (97, false), (99, false)] {
         let heard = say(&mut desk, &[head, tail], LINE.t35() * percent / 100);
@@ -145,7 +150,7 @@ struct Four {
 }
 
 impl Four {
-    fn at(baud: u32) -> Self {
+    fn at(runner: Runner, baud: u32) -> Self {
         let mut bus = Bus::new(BusConfig::default());
         let wires = [
             WireId::default(),
@@ -157,11 +162,11 @@ impl Four {
         let hosts = wires.map(|wire| bus.add_host_on(wire, port()));
         let stm32 = Stm32 {
             name: "stm32".to_owned(),
-            image: stm32_example("servers", baud),
-            plugin: barrier().expect("set-up has built it"),
+            image: stm32_example(runner, "servers", baud),
+            emulator: runner.emulator(),
             wires: wires.map(Some),
         };
-        let machine = bus.add_stm32(stm32).expect("QEMU runs");
+        let machine = bus.add_stm32(stm32).expect("a valid image");
         bus.run_for(Time::from_ms(10));
         Four {
             bus,
@@ -189,10 +194,9 @@ impl Four {
     }
 }
 
-#[test]
-fn four_ports_at_once_lose_nothing() {
+fn four_ports_at_once_lose_nothing(runner: Runner) {
     for (baud, rounds) in [(115_200, 10), (2_000_000, 30)] {
-        let mut four = Four::at(baud);
+        let mut four = Four::at(runner, baud);
         for round in 0..rounds {
             let values: Vec<u8> = (0..246u16).map(|i| (i * 7 + round) as u8).collect();
             let write = block(1, 16, 0, 123, &values);
@@ -221,9 +225,10 @@ struct Round {
 /// Requests to AS1, if `asks`, while garbage comes in on RS2 at `baud`, if `garbage`: at the same times in any case. And how many
 /// instructions each interrupt of RS2 took.
 fn rounds(baud: u32, garbage: bool, asks: bool) -> (Vec<Round>, Vec<u64>) {
-    let image = common::ports();
+    let image = common::ports(Runner::Qemu);
     let parts = Parts::of(&image, "usart/state.rs", &[], &["USART3"]).expect("a valid image");
-    let mut desk = Desk::in_parts(&image, &[], parts).expect("QEMU runs the image");
+    let mut desk =
+        Desk::in_parts(&image, Runner::Qemu.emulator(), &[], parts).expect("QEMU runs the image");
     // RS4 is off, and nothing is printed.
     for (port, register, value) in [(RS4, 0, 2_u32), (RS2, 22, baud)] {
         let first = setting(port, register);
@@ -313,7 +318,11 @@ fn beats(rig: &mut Rig) -> (u16, u16) {
 
 #[test]
 fn answers_begin_at_t3_5_wherever_in_an_exchange_the_timer_of_the_line_goes_round() {
-    let mut rig = Rig::stm32(&stm32_example("wraps", 38_400), LINE);
+    let mut rig = Rig::stm32(
+        &stm32_example(Runner::Qemu, "wraps", 38_400),
+        Runner::Qemu,
+        LINE,
+    );
     // The request, t1.5, t3.5, and the answer with the silence behind it: some 8 ms in all.
     for step in 0..60 {
         // 10 ms until the beat that sees it and 10 ms more; the request comes 30 ms after this one's answer.
@@ -330,7 +339,11 @@ fn answers_begin_at_t3_5_wherever_in_an_exchange_the_timer_of_the_line_goes_roun
 
 #[test]
 fn time_goes_on_when_its_counter_goes_round() {
-    let mut rig = Rig::stm32(&stm32_example("wraps", 38_400), LINE);
+    let mut rig = Rig::stm32(
+        &stm32_example(Runner::Qemu, "wraps", 38_400),
+        Runner::Qemu,
+        LINE,
+    );
     let (before, _) = beats(&mut rig);
     let from = rig.bus.now();
     // TIM2 goes round after a second.

@@ -1,21 +1,25 @@
-//! The image `conformance` of the STM32 in QEMU against the plain model of its unit: random requests of all functions and damaged
+//! The image `conformance` of the STM32 against the plain model of its unit: random requests of all functions and damaged
 //! frames on the wire, and each time the same answer. All tables, counters and the log are read back again and again.
 
 mod common;
 
 use common::conforms::{Board, at_115200, in_ascii, with_parity};
+use common::{Runner, on_both};
 
-#[test]
-fn random_requests_at_115200() {
-    at_115200(Board::Stm32);
+on_both! {
+    random_requests_at_115200,
+    random_requests_with_parity,
+    random_requests_in_ascii,
 }
 
-#[test]
-fn random_requests_with_parity() {
-    with_parity(Board::Stm32);
+fn random_requests_at_115200(runner: Runner) {
+    at_115200(Board::Stm32(runner));
 }
 
-#[test]
-fn random_requests_in_ascii() {
-    in_ascii(Board::Stm32);
+fn random_requests_with_parity(runner: Runner) {
+    with_parity(Board::Stm32(runner));
+}
+
+fn random_requests_in_ascii(runner: Runner) {
+    in_ascii(Board::Stm32(runner));
 }

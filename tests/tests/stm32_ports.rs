@@ -1,20 +1,27 @@
-//! The application `ports` of the STM32 in QEMU: four ports at once, three Nanos behind RS4.
+//! The application `ports` of the STM32: four ports at once, three Nanos behind RS4.
 
 mod common;
 
 use common::four::{self, AS1, Desk, RS2, RS4, TEXT, setting};
 use common::frames::{adu, be, block, data, exception, words};
-use common::{LINE, ports};
+use common::{LINE, Runner, on_both, ports};
 use multidrop_bus::{HostId, HostPort, Line, Time, Tx, WireByte, WireId};
 
+on_both! {
+    four_ports_at_once_for_30_s_one_of_them_changed_each_second,
+    units_that_are_missing_and_ports_that_refuse,
+    what_is_printed_is_what_was_on_the_wire_in_1000_exchanges_with_faults,
+    a_line_goes_on_where_it_was_when_the_printers_baud_is_changed_in_the_middle_of_it,
+}
+
 /// The machine, and these units behind RS4.
-fn desk(units: &[u8]) -> Desk {
+fn desk(runner: Runner, units: &[u8]) -> Desk {
     let images: Vec<_> = units
         .iter()
         .map(|unit| common::image("demo-unit", &["--unit", &unit.to_string()]))
         .collect();
     let images: Vec<_> = images.iter().map(|image| image.as_path()).collect();
-    Desk::new(&ports(), &images).expect("QEMU runs the images")
+    Desk::new(&ports(runner), runner.emulator(), &images).expect("valid images")
 }
 
 /// Asks as the PC does.
@@ -52,8 +59,8 @@ fn load(port: usize, number: u16, value: u32) -> (Vec<u8>, Vec<u8>) {
 }
 
 /// The machine with RS4 listening only, and a host on its wire. Its last poll is over, and printed.
-fn listening() -> (Desk, HostId) {
-    let mut desk = desk(&[]);
+fn listening(runner: Runner) -> (Desk, HostId) {
+    let mut desk = desk(runner, &[]);
     let bus = desk.bus.add_host_on(WireId::default(), HostPort::new(LINE));
     let (request, answer) = load(RS4, 0, 3);
     expect(&mut desk, &request, &answer);
@@ -62,9 +69,8 @@ fn listening() -> (Desk, HostId) {
     (desk, bus)
 }
 
-#[test]
-fn four_ports_at_once_for_30_s_one_of_them_changed_each_second() {
-    let mut desk = desk(&[1, 2, 3]);
+fn four_ports_at_once_for_30_s_one_of_them_changed_each_second(runner: Runner) {
+    let mut desk = desk(runner, &[1, 2, 3]);
     let report = four::run(&mut desk, Time::from_ms(30_000));
     println!("{report:#?}");
     assert_eq!((report.lost, report.wrong), (0, 0), "{report:#?}");
@@ -75,9 +81,8 @@ fn four_ports_at_once_for_30_s_one_of_them_changed_each_second() {
     assert!(report.reconfigurations.iter().sum::<u32>() >= 29);
 }
 
-#[test]
-fn units_that_are_missing_and_ports_that_refuse() {
-    let mut desk = desk(&[2]);
+fn units_that_are_missing_and_ports_that_refuse(runner: Runner) {
+    let mut desk = desk(runner, &[2]);
     // A missing unit is told within the route's timeout, and the next request is answered.
     for round in 0..3 {
         expect(&mut desk, &words(1, 3, 0, 1), &exception(1, 3, 0x0B));
@@ -122,9 +127,8 @@ fn units_that_are_missing_and_ports_that_refuse() {
     expect(&mut desk, &words(2, 3, 0, 1), &data(2, 3, &be(&[2])));
 }
 
-#[test]
-fn what_is_printed_is_what_was_on_the_wire_in_1000_exchanges_with_faults() {
-    let (mut desk, bus) = listening();
+fn what_is_printed_is_what_was_on_the_wire_in_1000_exchanges_with_faults(runner: Runner) {
+    let (mut desk, bus) = listening(runner);
     let mut random = common::random::Random::new(5);
     let mut expected = Vec::new();
     let mut damaged = 0;
@@ -185,9 +189,10 @@ fn what_is_printed_is_what_was_on_the_wire_in_1000_exchanges_with_faults() {
     assert!(damaged > 10, "{damaged}");
 }
 
-#[test]
-fn a_line_goes_on_where_it_was_when_the_printers_baud_is_changed_in_the_middle_of_it() {
-    let (mut desk, bus) = listening();
+fn a_line_goes_on_where_it_was_when_the_printers_baud_is_changed_in_the_middle_of_it(
+    runner: Runner,
+) {
+    let (mut desk, bus) = listening(runner);
     desk.bus.clear_record();
     let mut random = common::random::Random::new(6);
     let mut expected = Vec::new();

@@ -1,4 +1,4 @@
-//! The router of `ports` in QEMU, from AS1 and AS2 to units on RS4 that are slow, late or missing, for askers that do not
+//! The router of `ports`, from AS1 and AS2 to units on RS4 that are slow, late or missing, for askers that do not
 //! wait. The scan list asks on RS4 beside it all the time. The units are a host that answers by a script.
 
 mod common;
@@ -8,8 +8,19 @@ use std::cell::{Cell, RefCell};
 use common::four::units::{Played, Reply, Told, asked};
 use common::four::{AS1, AS2, ASCII, Asker, LINE, RS4, Report, Source, setting};
 use common::plain::wire::Way;
-use common::ports;
+use common::{Runner, on_both, ports};
 use multidrop_bus::{Frame, Framing, HostId, Line, Time, framed, frames};
+
+on_both! {
+    a_slow_unit_is_waited_for,
+    a_missing_unit_is_told_in_time_and_keeps_nobody,
+    an_answer_that_comes_in_the_wait_for_another_is_dropped_if_it_can_be_told_from_it,
+    an_answer_behind_its_time_is_dropped_while_nobody_waits_or_a_poll_does,
+    two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two_others,
+    an_asker_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else,
+    units_are_renumbered_there_and_back_and_a_ports_own_unit_goes_first,
+    while_rs4_is_no_master_the_askers_are_told_so_at_once,
+}
 
 /// What a unit that is up to date takes.
 const FAST: Time = Time::from_ms(3);
@@ -20,8 +31,8 @@ const ROUTED: u16 = 100;
 /// AS1's unit, and AS2's.
 const OWN: [u8; 2] = [10, 1];
 
-fn played<'a>(script: impl FnMut(&[u8]) -> Vec<Reply> + 'a) -> Played<'a> {
-    Played::new(&ports(), script).expect("QEMU runs the image")
+fn played<'a>(runner: Runner, script: impl FnMut(&[u8]) -> Vec<Reply> + 'a) -> Played<'a> {
+    Played::new(&ports(runner), runner.emulator(), script).expect("a valid image")
 }
 
 fn body(unit: u8, function: u8, first: u16, second: u16) -> Vec<u8> {
@@ -76,11 +87,10 @@ fn health(played: &mut Played) -> ([u16; 3], [u16; 3]) {
     ([0, 1, 2].map(word), [3, 4, 5].map(word))
 }
 
-#[test]
-fn a_slow_unit_is_waited_for() {
+fn a_slow_unit_is_waited_for(runner: Runner) {
     // Its answer is over 46 ms after the request, and 50 ms is the route's time.
     let slow = Time::from_ms(44);
-    let mut played = played(|request| {
+    let mut played = played(runner, |request| {
         let delay = if request[0] == 1 { slow } else { FAST };
         vec![(delay, values(request, 0))]
     });
@@ -104,9 +114,8 @@ fn a_slow_unit_is_waited_for() {
     assert!(before.iter().all(|asked| asked.answered.is_some()));
 }
 
-#[test]
-fn a_missing_unit_is_told_in_time_and_keeps_nobody() {
-    let mut played = played(|request| match request[0] {
+fn a_missing_unit_is_told_in_time_and_keeps_nobody(runner: Runner) {
+    let mut played = played(runner, |request| match request[0] {
         1 => Vec::new(),
         _ => at_once(values(request, 0)),
     });
@@ -129,9 +138,9 @@ fn a_missing_unit_is_told_in_time_and_keeps_nobody() {
 
 /// Unit 1 does not answer the first request, but answers it in the middle of the wait for the second one, and that one
 /// behind it. Returns what the PC is told of both.
-fn late(first_asked: &[u8], second_asked: &[u8]) -> [Vec<u8>; 2] {
+fn late(runner: Runner, first_asked: &[u8], second_asked: &[u8]) -> [Vec<u8>; 2] {
     let missing = RefCell::new(Vec::new());
-    let mut played = played(|request| {
+    let mut played = played(runner, |request| {
         let right = values(request, if first(request) < ROUTED { 0 } else { 2 });
         if first(request) < ROUTED {
             return at_once(right);
@@ -161,8 +170,9 @@ fn late(first_asked: &[u8], second_asked: &[u8]) -> [Vec<u8>; 2] {
     told
 }
 
-#[test]
-fn an_answer_that_comes_in_the_wait_for_another_is_dropped_if_it_can_be_told_from_it() {
+fn an_answer_that_comes_in_the_wait_for_another_is_dropped_if_it_can_be_told_from_it(
+    runner: Runner,
+) {
     let first = read(1, ROUTED, 2);
     let write = |value| body(1, 6, ROUTED, value);
     for (first, second) in [
@@ -172,19 +182,18 @@ fn an_answer_that_comes_in_the_wait_for_another_is_dropped_if_it_can_be_told_fro
         (first.clone(), read(1, ROUTED, 3)),
         (write(7), write(8)),
     ] {
-        let told = late(&first, &second);
+        let told = late(runner, &first, &second);
         assert_eq!(told[0], exception(&first, 0x0B));
         assert_eq!(told[1], values(&second, 2), "{second:02x?}");
     }
     // Nothing in a Modbus frame says which of two such requests it answers.
-    let told = late(&first, &read(1, ROUTED + 1, 2));
+    let told = late(runner, &first, &read(1, ROUTED + 1, 2));
     assert_eq!(told, [exception(&first, 0x0B), values(&first, 1)]);
 }
 
-#[test]
-fn an_answer_behind_its_time_is_dropped_while_nobody_waits_or_a_poll_does() {
+fn an_answer_behind_its_time_is_dropped_while_nobody_waits_or_a_poll_does(runner: Runner) {
     let delay = Cell::new(Time::ZERO);
-    let mut played = played(|request| match first(request) {
+    let mut played = played(runner, |request| match first(request) {
         ROUTED => vec![(delay.get(), values(request, 1))],
         _ => at_once(values(request, 0)),
     });
@@ -203,10 +212,13 @@ fn an_answer_behind_its_time_is_dropped_while_nobody_waits_or_a_poll_does() {
     asked(&played.desk);
 }
 
-#[test]
-fn two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two_others() {
+fn two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two_others(
+    runner: Runner,
+) {
     // Slow enough that all three always have something to ask.
-    let mut played = played(|request| vec![(Time::from_ms(20), values(request, 0))]);
+    let mut played = played(runner, |request| {
+        vec![(Time::from_ms(20), values(request, 0))]
+    });
     let mut report = Report::default();
     let mut askers = [
         Asker::new(played.desk.pc, AS1, Way::Rtu, LINE),
@@ -283,10 +295,9 @@ fn two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two
     assert!(units.windows(2).all(|pair| pair[1] == pair[0] % 3 + 1));
 }
 
-#[test]
-fn an_asker_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else() {
+fn an_asker_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else(runner: Runner) {
     let slow = Time::from_ms(30);
-    let mut played = played(|request| {
+    let mut played = played(runner, |request| {
         let delay = if request[0] == 1 { slow } else { FAST };
         vec![(delay, values(request, 0))]
     });
@@ -344,9 +355,8 @@ fn an_asker_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else() {
     asked(&played.desk);
 }
 
-#[test]
-fn units_are_renumbered_there_and_back_and_a_ports_own_unit_goes_first() {
-    let mut played = played(|request| match first(request) {
+fn units_are_renumbered_there_and_back_and_a_ports_own_unit_goes_first(runner: Runner) {
+    let mut played = played(runner, |request| match first(request) {
         500 => at_once(exception(request, 2)),
         _ => at_once(values(request, 0)),
     });
@@ -374,9 +384,8 @@ fn units_are_renumbered_there_and_back_and_a_ports_own_unit_goes_first() {
     asked(&played.desk);
 }
 
-#[test]
-fn while_rs4_is_no_master_the_askers_are_told_so_at_once() {
-    let mut played = played(|request| at_once(values(request, 0)));
+fn while_rs4_is_no_master_the_askers_are_told_so_at_once(runner: Runner) {
+    let mut played = played(runner, |request| at_once(values(request, 0)));
     let load = |played: &mut Played, number, value: u32| {
         let mut request = body(OWN[0], 16, setting(RS4, number), 2);
         let answer = request.clone();

@@ -150,7 +150,7 @@ fn measured(builder: &Builder, board: Board) -> Result<Command, Error> {
     }
     if board == Board::Nano {
         for baud in BAUDS {
-            let elf = builder.example(board, EDGES, Some(baud))?;
+            let elf = builder.example(board, false, EDGES, Some(baud))?;
             let elf = repo::root().join(elf);
             let size::Size { flash, ram } = size::of(&elf)?;
             bench.arg("--image");

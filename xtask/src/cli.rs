@@ -45,9 +45,12 @@ pub enum Command {
     Example {
         /// The example.
         name: String,
-        /// Of the STM32's board, for QEMU.
+        /// Of the STM32's board.
         #[arg(long)]
         stm32: bool,
+        /// For QEMU.
+        #[arg(long, requires = "stm32")]
+        qemu: bool,
         /// Baud rate, for those that take one.
         #[arg(long)]
         baud: Option<u32>,

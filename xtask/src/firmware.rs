@@ -39,10 +39,10 @@ pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
 ///
 /// # Errors
 /// [`Error::usage`] for a missing compiler, before anything is built; else what cargo said.
-pub fn build_example(name: &str, stm32: bool, baud: Option<u32>) -> Result<(), Error> {
+pub fn build_example(name: &str, stm32: bool, qemu: bool, baud: Option<u32>) -> Result<(), Error> {
     let board = if stm32 { Board::Stm32 } else { Board::Nano };
     setup::require(&[Purpose::Firmware, purpose_of(board)])?;
-    let made = Builder::new()?.example(board, name, baud)?;
+    let made = Builder::new()?.example(board, qemu, name, baud)?;
     println!("image: {}", made.display());
     Ok(())
 }
@@ -122,16 +122,23 @@ impl Builder {
         Ok(elf)
     }
 
-    /// Builds an example of a board and gives its path, from the root of the repository.
+    /// Builds an example of a board, of the STM32's for QEMU if `qemu`, and gives its path, from the root of the repository.
     ///
     /// # Errors
     /// [`Error::failed`] when cargo fails.
-    pub fn example(&self, board: Board, name: &str, baud: Option<u32>) -> Result<PathBuf, Error> {
+    pub fn example(
+        &self,
+        board: Board,
+        qemu: bool,
+        name: &str,
+        baud: Option<u32>,
+    ) -> Result<PathBuf, Error> {
         let mut cargo = self.toolchain.cargo_in_board(board);
         cargo.args(["build", "--release", "--example", name]);
         cargo.args(match board {
             Board::Nano => &["--package", "embassy-avr-hal"][..],
-            Board::Stm32 => &["--no-default-features", "--features", "qemu"],
+            Board::Stm32 if qemu => &["--no-default-features", "--features", "qemu"],
+            Board::Stm32 => &[],
         });
         cargo
             .arg("--target-dir")
@@ -150,8 +157,9 @@ impl Builder {
         };
         // The next rate has the same name.
         let kept = format!(
-            "target/firmware/{}-example-{name}-baud{baud}.elf",
-            word(board)
+            "target/firmware/{}-example-{name}-baud{baud}{}.elf",
+            word(board),
+            if qemu { "-qemu" } else { "" }
         );
         let folder = repo::root().join("target/firmware");
         fs::create_dir_all(&folder).map_err(|error| Error::io(folder.display(), error))?;

@@ -57,7 +57,12 @@ fn run(command: Command) -> Result<(), Error> {
         Command::Setup { check: true } => setup::report(),
         Command::Setup { check: false } => setup::install(),
         Command::Build(request) => firmware::build_and_show(&request),
-        Command::Example { name, stm32, baud } => firmware::build_example(&name, stm32, baud),
+        Command::Example {
+            name,
+            stm32,
+            qemu,
+            baud,
+        } => firmware::build_example(&name, stm32, qemu, baud),
         Command::Sim(request) => sim::run(&request),
         Command::Demo { hold } => demo::run(hold),
         Command::Test => check::run(),

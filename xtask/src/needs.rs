@@ -168,6 +168,15 @@ pub const ALL: &[Need] = &[
         by_hand: "cargo xtask setup compiles it from tests/qemu/barrier.c once there is a C compiler",
     },
     Need {
+        name: "Unicorn's library",
+        purpose: Purpose::Machine,
+        found: python::unicorn,
+        // It comes with a Python package, which set-up installs with the others.
+        debian: &[],
+        by_hand: "Python 3.10 or newer with venv and access to a Python package registry: cargo xtask setup puts it into \
+                  target/python",
+    },
+    Need {
         name: "mbpoll",
         purpose: Purpose::Client,
         found: || program("mbpoll"),

@@ -1,4 +1,4 @@
-//! The Python environment of the tests: pymodbus and pyserial, pinned, in a folder of our own.
+//! The Python environment of the tests, in a folder of our own: pymodbus and pyserial, and Unicorn for its library; all pinned.
 
 use crate::error::Error;
 use crate::repo;
@@ -34,6 +34,18 @@ pub fn found() -> Option<String> {
                    sys.exit(not all(i.find_spec(m) for m in ('pymodbus', 'serial')))";
     repo::output_of(Command::new(interpreter()).args(["-c", modules]))?;
     Some("target/python".to_owned())
+}
+
+/// Unicorn's library, which is loaded by the simulated bus and not by Python, where the environment has it.
+pub fn unicorn() -> Option<String> {
+    found()?;
+    let versions = std::fs::read_dir(folder().join("lib")).ok()?;
+    let libraries = versions.flatten().flat_map(|version| {
+        let folder = version.path().join("site-packages/unicorn/lib");
+        ["libunicorn.so.2", "libunicorn.2.dylib"].map(|name| folder.join(name))
+    });
+    let mut there = libraries.filter(|path| path.is_file());
+    there.next().map(|_| "target/python".to_owned())
 }
 
 /// Makes the environment anew.

@@ -76,7 +76,7 @@ pub fn install() -> Result<(), Error> {
     {
         println!("{}", error.message());
     }
-    if is_missing("Python with pymodbus") {
+    if is_missing("Python with pymodbus") || is_missing("Unicorn's library") {
         install_python();
     }
 

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 use clap::error::ErrorKind;
 use clap::{Parser, ValueEnum};
 use multidrop_bus::{
-    Bus, BusConfig, BusError, Format, HostPort, Line, Live, LiveError, Nano, NodeId, Pin, Stm32,
-    Time, WireId, barrier,
+    Bus, BusConfig, BusError, Emulator, Format, HostPort, Line, Live, LiveError, Nano, NodeId, Pin,
+    Stm32, Time, WireId,
 };
 use nix::sys::signal::{SigSet, Signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -206,7 +206,7 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
             bus.add_stm32(Stm32 {
                 name: "stm32".to_owned(),
                 image,
-                plugin: barrier()?,
+                emulator: Emulator::qemu()?,
                 wires: [as1, as2, rs2, Some(WireId::default())],
             })?;
             continue;

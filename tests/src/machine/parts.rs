@@ -7,7 +7,6 @@ use addr2line::Context;
 use addr2line::gimli::{self, DwarfSections, EndianSlice, LittleEndian, SectionId};
 use object::{Object, ObjectSection, ObjectSymbol, SectionKind};
 
-use super::Machine;
 use crate::error::BusError;
 
 /// The function in which the firmware waits for work (`board-stm32`, `platform/qemu.rs`).
@@ -187,24 +186,5 @@ impl std::ops::Sub for Instructions {
             idle: self.idle - earlier.idle,
             marked: self.marked - earlier.marked,
         }
-    }
-}
-
-impl Machine {
-    /// Instructions since it was powered up. Idle and marked ones are known where it was put on the bus with
-    /// [`add_stm32_in_parts`](crate::Bus::add_stm32_in_parts).
-    pub fn counted(&self) -> Instructions {
-        self.qemu.counted()
-    }
-
-    /// How many instructions interrupts took that began with this handler, each by itself and in their order: those that came while it waited
-    /// for work, or right behind another one that did.
-    pub fn interrupts(&self, handler: &str) -> Vec<u64> {
-        let known = self.parts.named.iter().find(|(name, _)| name == handler);
-        let ended = self.qemu.interrupts().iter();
-        ended
-            .filter(|(address, _)| known.is_some_and(|(_, begin)| begin == address))
-            .map(|&(_, length)| length)
-            .collect()
     }
 }

@@ -20,6 +20,16 @@ impl Transmitter {
         self.waiting = Some((at, byte));
     }
 
+    /// It is switched on: an idle character goes first (RM0090 30.3.2).
+    pub fn idle(&mut self, at: Time, character: Time) {
+        self.busy_until = self.busy_until.max(at + character);
+    }
+
+    /// What waits may not begin before `at`.
+    pub fn hold_until(&mut self, at: Time) {
+        self.busy_until = self.busy_until.max(at);
+    }
+
     /// What begins on the wire until `now`, and when, if a character takes so long.
     pub fn advance(&mut self, now: Time, character: Time) -> Option<(Time, u8)> {
         if self.busy_until > now {

@@ -7,15 +7,15 @@ use super::plain::requests::{Requests, Step, audit};
 use super::plain::shrink::minimal;
 use super::plain::wire::{Character, Flaw, Way, from_ascii, from_rtu, heard, hex};
 use super::random::Random;
-use super::{LINE, Rig, conformance};
+use super::{LINE, Rig, Runner, conformance};
 
 /// What runs the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Board {
     /// An ATmega328P in simavr.
     Nano,
-    /// An STM32F405 in QEMU.
-    Stm32,
+    /// An STM32F405.
+    Stm32(Runner),
 }
 
 impl Board {
@@ -24,7 +24,10 @@ impl Board {
         let version = env!("CARGO_PKG_VERSION");
         let (rig, plain) = match self {
             Board::Nano => (Rig::with(&[&image], line), Plain::new("nano", version, 0)),
-            Board::Stm32 => (Rig::stm32(&image, line), Plain::new("stm32", version, 32)),
+            Board::Stm32(runner) => (
+                Rig::stm32(&image, runner, line),
+                Plain::new("stm32", version, 32),
+            ),
         };
         match way {
             Way::Rtu => (rig, plain),

@@ -7,9 +7,9 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use multidrop_bus::{Format, Line};
 
-use super::LINE;
 use super::conforms::Board;
 use super::plain::wire::Way;
+use super::{LINE, Runner};
 
 /// Results of builds, made once in each process.
 type Built = Mutex<HashMap<String, PathBuf>>;
@@ -77,7 +77,7 @@ pub fn registers(count: u8, line: Line) -> PathBuf {
     for_line("nano", "registers", options, line, LINE)
 }
 
-/// The `conformance` image of a board for `line`; the STM32's is for QEMU.
+/// The `conformance` image of a board for `line`.
 pub fn conformance(board: Board, way: Way, line: Line) -> PathBuf {
     let (default, ascii) = match way {
         Way::Rtu => (LINE, None),
@@ -88,15 +88,15 @@ pub fn conformance(board: Board, way: Way, line: Line) -> PathBuf {
     };
     let (name, qemu) = match board {
         Board::Nano => ("nano", None),
-        Board::Stm32 => ("stm32", Some("--qemu")),
+        Board::Stm32(runner) => ("stm32", runner.option()),
     };
     let fixed = ascii.into_iter().chain(qemu).collect();
     for_line(name, "conformance", fixed, line, default)
 }
 
-/// The image of `ports`, for QEMU.
-pub fn ports() -> PathBuf {
-    board_image("stm32", "ports", &["--qemu"])
+/// The image of `ports`.
+pub fn ports(runner: Runner) -> PathBuf {
+    board_image("stm32", "ports", runner.option().as_slice())
 }
 
 /// With what differs from the line that the application has by itself.
@@ -125,29 +125,30 @@ pub fn example_at(name: &str, baud: u32) -> PathBuf {
     })
 }
 
-/// The image of an example of the STM32's board, for QEMU at this rate.
-pub fn stm32_example(name: &str, baud: u32) -> PathBuf {
+/// The image of an example of the STM32's board, at this rate.
+pub fn stm32_example(runner: Runner, name: &str, baud: u32) -> PathBuf {
     let baud = baud.to_string();
-    once(format!("stm32 example {name} {baud}"), || {
-        built(&["example", name, "--stm32", "--baud", &baud])
-    })
+    let mut arguments = vec!["example", name, "--stm32", "--baud", &baud];
+    arguments.extend(runner.option());
+    once(arguments.join(" "), || built(&arguments))
 }
 
-/// The `registers` image of the STM32, for QEMU.
-pub fn stm32_registers() -> PathBuf {
-    stm32_registers_at(LINE)
+/// The `registers` image of the STM32.
+pub fn stm32_registers(runner: Runner) -> PathBuf {
+    stm32_registers_at(runner, LINE)
 }
 
 /// The same, for `line`.
-pub fn stm32_registers_at(line: Line) -> PathBuf {
-    for_line("stm32", "registers", vec!["--qemu"], line, LINE)
+pub fn stm32_registers_at(runner: Runner, line: Line) -> PathBuf {
+    let options = runner.option().into_iter().collect();
+    for_line("stm32", "registers", options, line, LINE)
 }
 
-/// The image of a unit that fails while it answers, at this rate: the STM32's is for QEMU.
+/// The image of a unit that fails while it answers, at this rate.
 pub fn faults(board: Board, line: Line) -> PathBuf {
     let (name, fixed) = match board {
         Board::Nano => ("nano", vec![]),
-        Board::Stm32 => ("stm32", vec!["--qemu"]),
+        Board::Stm32(runner) => ("stm32", runner.option().into_iter().collect()),
     };
     for_line(name, "faults", fixed, line, LINE)
 }

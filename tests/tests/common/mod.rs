@@ -13,6 +13,7 @@ pub mod plain;
 pub mod random;
 pub mod rig;
 mod rules;
+mod runner;
 
 pub use images::{
     conformance, example, example_at, faults, image, ports, registers, stm32_example,
@@ -20,6 +21,8 @@ pub use images::{
 };
 pub use rig::Rig;
 pub use rules::{DE_LAG, Rules, assert_bus_rules};
+pub use runner::Runner;
+pub(crate) use runner::on_both;
 
 use multidrop_bus::{Format, Line};
 

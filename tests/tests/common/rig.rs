@@ -4,11 +4,10 @@ use std::path::Path;
 
 use multidrop_bus::{
     Answer, Bus, BusConfig, HostId, HostPort, Line, Nano, NodeId, Station, Stm32, Time, Tx, WireId,
-    barrier,
 };
 
 use super::frames::{adu, data, words};
-use super::{LINE, Rules, assert_bus_rules, image, registers};
+use super::{LINE, Rules, Runner, assert_bus_rules, image, registers};
 
 /// A bus with one host and nodes. Every exchange is held against the rules of the bus.
 pub struct Rig {
@@ -63,15 +62,15 @@ impl Rig {
     }
 
     /// A bus with an STM32 that runs this image, RS4 on the wire, booted.
-    pub fn stm32(image: &Path, line: Line) -> Self {
+    pub fn stm32(image: &Path, runner: Runner, line: Line) -> Self {
         let mut bus = Bus::new(BusConfig::default());
         bus.add_stm32(Stm32 {
             name: "stm32".to_owned(),
             image: image.to_path_buf(),
-            plugin: barrier().expect("set-up has built it"),
+            emulator: runner.emulator(),
             wires: [None, None, None, Some(WireId::default())],
         })
-        .expect("QEMU runs");
+        .expect("a valid image");
         let host = bus.add_host(HostPort::new(line));
         let mut rig = Rig {
             bus,

@@ -45,8 +45,8 @@ pub fn assemble(name: &str, symbols: &[(&str, u32)]) -> PathBuf {
     image
 }
 
-/// Assembles `arm/NAME.S`, for the machine, and returns the image.
-pub fn assemble_arm(name: &str) -> PathBuf {
+/// Assembles `arm/NAME.S` with symbols set, for the STM32, and returns the image.
+pub fn assemble_arm(name: &str, symbols: &[(&str, u32)]) -> PathBuf {
     let folder = places::package().join("arm");
     let scratch = places::scratch();
     static CALLS: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
@@ -64,8 +64,12 @@ pub fn assemble_arm(name: &str) -> PathBuf {
         );
     };
     let source = folder.join(format!("{name}.S"));
+    let symbols = symbols.iter();
+    let symbols =
+        symbols.flat_map(|(symbol, value)| ["--defsym".to_owned(), format!("{symbol}={value}")]);
     run(Command::new("arm-none-eabi-as")
         .arg("-g")
+        .args(symbols)
         .arg("-I")
         .arg(&folder)
         .arg(source)

@@ -1,8 +1,8 @@
 //! One node with its host, what is asked of it, and what an exchange looked like on the wire.
 
 use multidrop_bus::{
-    Bus, BusConfig, HostId, HostPort, Line, MachineId, Nano, NodeId, Parts, Station, Stm32, Time,
-    Tx, WireId, barrier,
+    Bus, BusConfig, Emulator, HostId, HostPort, Line, MachineId, Nano, NodeId, Parts, Station,
+    Stm32, Time, Tx, WireId,
 };
 
 use crate::Trouble;
@@ -151,7 +151,7 @@ impl Desk<MachineId> {
         let stm32 = Stm32 {
             name: image.name(),
             image: image.path.clone(),
-            plugin: barrier()?,
+            emulator: Emulator::qemu()?,
             wires: [None, None, None, Some(WireId::default())],
         };
         let machine = bus.add_stm32_in_parts(stm32, parts)?;

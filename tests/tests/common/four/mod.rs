@@ -22,8 +22,8 @@ use std::collections::VecDeque;
 use std::path::Path;
 
 use multidrop_bus::{
-    Bus, BusConfig, BusError, Format, HostId, HostPort, Line, MachineId, NodeId, Parts, Station,
-    Stm32, Time, WireId, barrier,
+    Bus, BusConfig, BusError, Emulator, Format, HostId, HostPort, Line, MachineId, NodeId, Parts,
+    Station, Stm32, Time, WireId,
 };
 
 use super::plain::wire::Way;
@@ -85,21 +85,31 @@ impl Desk {
     ///
     /// # Errors
     /// Where an image cannot be run.
-    pub fn new(ports: &Path, units: &[&Path]) -> Result<Self, BusError> {
-        Self::in_parts(ports, units, Parts::default())
+    pub fn new(ports: &Path, emulator: Emulator, units: &[&Path]) -> Result<Self, BusError> {
+        Self::in_parts(ports, emulator, units, Parts::default())
     }
 
     /// The same, and the parts of the image of `ports` are counted apart.
     ///
     /// # Errors
     /// As [`Desk::new`].
-    pub fn in_parts(ports: &Path, units: &[&Path], parts: Parts) -> Result<Self, BusError> {
-        let mut desk = Self::at_zero(ports, units, parts)?;
+    pub fn in_parts(
+        ports: &Path,
+        emulator: Emulator,
+        units: &[&Path],
+        parts: Parts,
+    ) -> Result<Self, BusError> {
+        let mut desk = Self::at_zero(ports, emulator, units, parts)?;
         desk.bus.run_for(BOOT);
         Ok(desk)
     }
 
-    fn at_zero(ports: &Path, units: &[&Path], parts: Parts) -> Result<Self, BusError> {
+    fn at_zero(
+        ports: &Path,
+        emulator: Emulator,
+        units: &[&Path],
+        parts: Parts,
+    ) -> Result<Self, BusError> {
         let mut bus = Bus::new(BusConfig::default());
         let mut nodes = Vec::new();
         for unit in units {
@@ -111,7 +121,7 @@ impl Desk {
         let stm32 = Stm32 {
             name: "ports".to_owned(),
             image: ports.to_path_buf(),
-            plugin: barrier()?,
+            emulator,
             wires: wires.map(Some),
         };
         let machine = bus.add_stm32_in_parts(stm32, parts)?;

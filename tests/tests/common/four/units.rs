@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use multidrop_bus::{BusError, HostId, HostPort, Parts, Time, Tx, frames};
+use multidrop_bus::{BusError, Emulator, HostId, HostPort, Parts, Time, Tx, frames};
 
 use super::super::plain::wire::{Way, ascii, from_ascii, from_rtu, rtu};
 use super::{BOOT, Desk, LINE, RS4, TIMEOUT};
@@ -39,9 +39,10 @@ impl<'a> Played<'a> {
     /// Where the image cannot be run.
     pub fn new(
         ports: &Path,
+        emulator: Emulator,
         script: impl FnMut(&[u8]) -> Vec<Reply> + 'a,
     ) -> Result<Self, BusError> {
-        let mut desk = Desk::at_zero(ports, &[], Parts::default())?;
+        let mut desk = Desk::at_zero(ports, emulator, &[], Parts::default())?;
         let wire = desk.wires[RS4];
         let units = desk.bus.add_host_on(wire, HostPort::new(LINE));
         let mut played = Played {
@@ -140,7 +141,7 @@ pub struct Asked {
     pub over: Time,
 }
 
-/// All requests on RS4 so far.
+/// All requests on RS4 so far; one that is still on the wire is none yet.
 ///
 /// # Panics
 /// If one began before the one before was over, or before t3.5 of silence, or two talked at once.
@@ -149,6 +150,9 @@ pub fn asked(desk: &Desk) -> Vec<Asked> {
     assert_eq!(record.conflicts(), []);
     let mut asked: Vec<Asked> = Vec::new();
     for frame in frames(record, LINE) {
+        if frame.end() + LINE.t15() > desk.bus.now() {
+            break;
+        }
         let Some(body) = frame.body() else {
             panic!("{frame} is damaged");
         };

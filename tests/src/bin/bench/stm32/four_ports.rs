@@ -1,6 +1,6 @@
 //! Four ports loaded at once, for as long as nobody waits for in a test.
 
-use multidrop_bus::Time;
+use multidrop_bus::{Emulator, Time};
 
 use crate::Trouble;
 use crate::figures::{Set, rounded};
@@ -19,7 +19,7 @@ pub fn of(images: &Images<'_>) -> Result<Set, Trouble> {
     }
     let minutes = SPAN.us() / 60e6;
     eprintln!("four ports at once for {minutes} min of bus time: that takes some twenty");
-    let mut desk = Desk::new(&images.app("ports")?.path, &paths)?;
+    let mut desk = Desk::new(&images.app("ports")?.path, Emulator::qemu()?, &paths)?;
     let report = four::run(&mut desk, SPAN);
     for trouble in &report.troubles {
         println!("four ports: {trouble}");

@@ -1,8 +1,8 @@
 //! Instructions of an exchange: all that were not waiting, and what of them is there in QEMU alone.
 
 use multidrop_bus::{
-    Bus, BusConfig, HostId, HostPort, Instructions, Line, Machine, MachineId, Stm32, Time, WireId,
-    barrier,
+    Bus, BusConfig, Emulator, HostId, HostPort, Instructions, Line, Machine, MachineId, Stm32,
+    Time, WireId,
 };
 
 use super::parts;
@@ -118,7 +118,7 @@ impl Managed {
         let stm32 = Stm32 {
             name: image.name(),
             image: image.path.clone(),
-            plugin: barrier()?,
+            emulator: Emulator::qemu()?,
             wires: [Some(as1), Some(as2), Some(rs2), None],
         };
         let machine = bus.add_stm32_in_parts(stm32, parts(image, handlers)?)?;

@@ -42,6 +42,10 @@ impl Flaws {
     /// A character that ASCII does not allow where it stands.
     pub const CHARACTER: Flaws = Flaws(1 << 6);
 
+    /// As it is the frame is too short, but its first character is kept elsewhere until the buffer is free. Nobody but the
+    /// line sees the bit without a name.
+    pub(crate) const KEPT: Flaws = Flaws(1 << 7 | Flaws::LENGTH.0);
+
     /// Whether the frame is good.
     #[inline(always)]
     pub const fn is_empty(self) -> bool {

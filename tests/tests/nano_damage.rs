@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::frames::{adu, block, words};
+use common::frames::{adu, block, data, words};
 use common::rig::ALIVE;
 use common::{LINE, Rig};
 use multidrop_bus::{Format, Line, Time, Tx};
@@ -266,13 +266,39 @@ fn a_click_in_the_silence_after_a_request_is_not_talked_over() {
             .noise(end + Time::from_us(us), Time::from_us(6), false);
         let heard = rig.ask_each([]);
         assert_eq!(heard, ALIVE.answer(), "after {us} us");
-        // And long enough to be a character it makes the frame bad.
+        // And long enough to be a character it makes the frame bad, unless it begins in the last 1/24 of t3.5: then the frame
+        // stands, and is not answered since somebody talks.
         let end = rig.bus.host(rig.host).send(&write());
         rig.bus.noise(end + Time::from_us(us), LINE.bits(4), false);
         // The host hears the noise as well.
         rig.ask_each([]);
         assert_eq!(rig.answered, 0, "after {us} us");
-        rig.expect_alive();
+        let stands = LINE.t35() * 23 / 24 < Time::from_us(us);
+        let value = if stands { [0x12, 0x34] } else { [0, 0] };
+        rig.expect(&words(1, 3, 3, 1), &data(1, 3, &value));
+        rig.expect(&words(1, 6, 3, 0), &words(1, 6, 3, 0));
+    }
+}
+
+/// An edge that is no character may hold an answer back for the time of one, and no longer.
+#[test]
+fn a_click_of_1_us_takes_no_answer_away() {
+    for baud in [9_600, 38_400, 115_200] {
+        let line = Line::n81(baud);
+        let mut rig = Rig::registers(COUNT as u8, line);
+        let before = (1..60).chain((60..line.t35().ps() / 1_000_000 + 10).step_by(53));
+        for us in before {
+            let end = rig.bus.host(rig.host).send(&ALIVE.request());
+            rig.bus.run_to(end);
+            let at = end + line.t35() + Time::from_us(9) - Time::from_us(us);
+            rig.bus.noise(at, Time::from_us(1), false);
+            let answer = rig.exchange(&[]);
+            let answer = answer.unwrap_or_else(|| panic!("none: {us} us, {baud} baud"));
+            assert_eq!(answer.bytes, ALIVE.answer(), "{us} us, {baud} baud");
+            let after = answer.received[0].start - end;
+            let latest = line.t35() + line.character() + Time::from_us(20);
+            assert!(after <= latest, "{after}, {us} us, {baud} baud");
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 mod common;
 
 use common::four::{AS1, Desk, RS2, RS4, setting};
-use common::frames::{adu, block, words};
+use common::frames::{adu, block, data, words};
 use common::plain::wire::from_rtu;
 use common::{LINE, Rig, Runner, on_both, stm32_example, stm32_registers};
 use multidrop_bus::{
@@ -14,6 +14,7 @@ on_both! {
     answers_begin_at_t3_5,
     a_frame_is_what_has_no_gap_over_t1_5,
     a_request_at_t3_5_after_another_units_is_heard,
+    a_click_of_1_us_takes_no_answer_away,
     with_gaps_allowed_t3_5_still_has_its_margin,
     four_ports_at_once_lose_nothing,
 }
@@ -78,6 +79,26 @@ fn a_request_at_t3_5_after_another_units_is_heard(runner: Runner) {
             !rig.ask_each(characters).is_empty(),
             answered,
             "{pause_us} us"
+        );
+        rig.pause(Time::from_ms(5));
+    }
+}
+
+/// An edge that is no character may hold an answer back for the time of one, and no longer.
+fn a_click_of_1_us_takes_no_answer_away(runner: Runner) {
+    let mut rig = Rig::stm32(&stm32_registers(runner), runner, LINE);
+    for us in (1..100).chain((100..1_750).step_by(53)) {
+        let end = rig.bus.host(rig.host).send(&request());
+        rig.bus.run_to(end);
+        let at = end + LINE.t35() + Time::from_us(5) - Time::from_us(us);
+        rig.bus.noise(at, Time::from_us(1), false);
+        let answer = rig.exchange(&[]);
+        let answer = answer.unwrap_or_else(|| panic!("none: {us} us"));
+        assert_eq!(answer.bytes, data(1, 3, &[0, 0]), "{us} us");
+        let after = answer.received[0].start - end;
+        assert!(
+            after <= LINE.t35() + LINE.character() + LINE.bits(1),
+            "{after}, {us} us"
         );
         rig.pause(Time::from_ms(5));
     }

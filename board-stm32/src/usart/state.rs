@@ -133,10 +133,9 @@ impl State {
                 Awaited::Nothing
                     if status & (RXNE | ERRORS) == RXNE && self.machine.is_collecting() =>
                 {
-                    let byte = chip.take();
-                    let adu = chip.adu.get();
-                    // SAFETY: the machine collects a frame only while the buffer is the line's.
-                    return chip.reception.push(unsafe { &mut *adu }, byte);
+                    chip.begin_silence();
+                    let byte = chip.registers.take();
+                    return chip.push(byte);
                 }
                 _ => {}
             }
@@ -159,21 +158,21 @@ impl State {
     #[inline(always)]
     fn on_character(&mut self, status: u32) {
         let chip = &mut self.chip;
-        let word = chip.take();
         let mut flaws = registers::flaws(status);
-        if word & chip.settings.mark != chip.settings.mark {
-            // The first of two stop bits was none.
-            flaws |= Flaws::FRAMING;
-        }
-        let character = word & chip.settings.data;
+        chip.begin_silence();
         if chip.settings.framing == Framing::Ascii {
+            let word = chip.registers.take();
+            if word & chip.settings.mark != chip.settings.mark {
+                // The first of two stop bits was none.
+                flaws |= Flaws::FRAMING;
+            }
+            let character = word & chip.settings.data;
             return self.machine.on_ascii_character(chip, character, flaws);
         }
-        // A byte that no longer fits is the reception's to note.
-        if self.machine.on_character(chip, flaws, false) {
-            // SAFETY: the machine has a character stored only while the buffer is the line's.
-            let adu = unsafe { &mut *chip.adu.get() };
-            chip.reception.push(adu, character);
+        // A byte that no longer fits is the reception's to note. A character that was not taken interrupts again (RM0090
+        // 30.3.3).
+        if let Some(byte) = self.machine.on_character(chip, flaws, false) {
+            chip.push(byte);
         }
     }
 
@@ -185,12 +184,19 @@ impl State {
 }
 
 impl Chip {
-    /// The character that came. The silence behind it begins.
+    /// A character came: the silence behind it begins.
     #[inline(always)]
-    fn take(&mut self) -> u8 {
+    fn begin_silence(&mut self) {
         self.set_alarm(platform::now().wrapping_add(self.settings.to_complete));
         self.registers.clear_start_bit();
-        self.registers.take()
+    }
+
+    /// The next byte of the RTU frame.
+    #[inline(always)]
+    fn push(&mut self, byte: u8) {
+        // SAFETY: the machine collects a frame, and has a byte stored, only while the buffer is the line's.
+        let adu = unsafe { &mut *self.adu.get() };
+        self.reception.push(adu, byte);
     }
 
     #[inline(always)]
@@ -233,6 +239,11 @@ impl Wire for Chip {
     #[inline(always)]
     fn is_text(&self) -> bool {
         self.settings.framing == Framing::Text
+    }
+
+    #[inline(always)]
+    fn take(&mut self) -> u8 {
+        self.registers.take() & self.settings.data
     }
 
     #[inline(always)]

@@ -126,11 +126,7 @@ impl LineMachine {
         ascii.reception = Reception::new(ascii.delimiter());
         self.phase = Phase::Collecting;
         wire.alarm_on();
-        if self.verdict == Verdict::Stands {
-            self.withhold();
-            // In time to have the buffer back for this frame.
-            wire.wake_user();
-        }
+        self.withhold(wire);
         if !damaged.is_empty() {
             self.tell(wire, damaged);
         }

@@ -13,16 +13,17 @@
 //! A client may send its next request exactly t3.5 after another server's answer, by a clock that is not ours. A driver
 //! therefore has the frame judged before t3.5 by [`margin`](crate::timing::margin), so that such a request is not taken for a
 //! late part of the frame before: that one stands, is carried out, and its answer is withdrawn. Answers start at t3.5 all the
-//! same.
+//! same. Only the character itself tells that it is one and no edge: an answer waits for it. The frame before has the buffer
+//! then, so the machine keeps the first character until a second one comes.
 //!
 //! | phase | a character | the alarm |
 //! |---|---|---|
 //! | a frame comes in | is stored | t1.5: the frame is complete, lent as provisional |
 //! | complete | voids the frame | t3.5 less the margin: the frame stands |
-//! | settled | begins a frame | t3.5: a released answer starts |
+//! | settled | begins a frame | t3.5: a released answer starts; a start bit is waited for |
 //! | silent | begins a frame | - |
 //! | sending | - (the receiver is off) | what is sent takes too long: the bus is let go of |
-//! | sent, or held back | begins a frame | t3.5: silent |
+//! | sent | begins a frame | t3.5: silent |
 
 pub mod ascii;
 mod wire;
@@ -87,7 +88,8 @@ pub struct LineMachine {
     /// Flaws of the damaged frames not yet fetched, and how many these are.
     damaged: Flaws,
     damaged_count: u8,
-    /// The first byte of the answer, taken from `transmission` ahead of time.
+    /// The first byte of the answer, taken from `transmission` ahead of time; or, with [`Flaws::KEPT`], of the frame on the
+    /// wire.
     first: u8,
     /// A future waits for the verdict or for silence; nobody else needs to be woken at t3.5.
     silence_awaited: bool,
@@ -115,15 +117,9 @@ impl LineMachine {
     /// frame that was pending is void, and one that stands is no longer answered.
     pub fn reset<W: Wire>(&mut self, wire: &mut W) {
         self.flaws = Flaws::NONE;
-        match self.verdict {
-            Verdict::Pending => {
-                self.verdict = Verdict::Void;
-                wire.wake_user();
-            }
-            // Who asked may not be on the line any more.
-            Verdict::Stands => self.verdict = Verdict::Late,
-            _ => {}
-        }
+        self.void(wire);
+        // Who asked may not be on the line any more.
+        self.withhold(wire);
         // An ASCII frame says itself where it begins.
         self.phase = if wire.ascii().is_some() {
             Phase::Settled
@@ -142,43 +138,58 @@ impl LineMachine {
         self.phase == Phase::Collecting && self.flaws.is_empty()
     }
 
-    /// A character came, with what the USART found wrong with it; `full` if the buffer has no room for it. Returns whether it
-    /// is to be stored. The driver has set the alarm to the end of the silence that would complete the frame.
+    /// A character came, with what the USART found wrong with it; `full` if the buffer has no room for it. The driver has set
+    /// the alarm to the end of the silence that would complete the frame.
+    ///
+    /// Returns a byte that is to be stored. Where that was not [taken](Wire::take), it is the character before: the one that
+    /// came is in the USART still, and the driver comes here with it once more.
     #[inline]
-    pub fn on_character<W: Wire>(&mut self, wire: &mut W, flaws: Flaws, full: bool) -> bool {
+    pub fn on_character<W: Wire>(&mut self, wire: &mut W, flaws: Flaws, full: bool) -> Option<u8> {
         match self.phase {
             Phase::Collecting | Phase::Begun => {
-                if full {
+                if self.flaws == Flaws::KEPT {
+                    self.flaws = Flaws::NONE;
+                    if self.buffer == Buffer::Free {
+                        self.phase = Phase::Collecting;
+                        return Some(self.first);
+                    }
+                    // The frame before is still being worked on.
+                    self.flaws = Flaws::OVERRUN;
+                } else if full {
                     self.flaws |= Flaws::LENGTH;
                 }
             }
             Phase::Complete | Phase::CompleteBegun => {
                 // Between t1.5 and t3.5: what was complete is void, and this belongs to it.
                 self.flaws |= Flaws::GAP;
-                if self.verdict == Verdict::Pending {
-                    self.verdict = Verdict::Void;
-                }
+                self.void(wire);
             }
             Phase::Settled | Phase::Silent | Phase::Sent => {
                 wire.restart();
-                if self.verdict == Verdict::Stands {
-                    self.withhold();
-                }
-                self.flaws = if self.buffer == Buffer::Free {
-                    Flaws::NONE
-                } else {
-                    // The frame before is still being worked on.
-                    Flaws::OVERRUN
-                };
+                self.withhold(wire);
+                self.flaws = Flaws::NONE;
                 wire.alarm_on();
             }
-            // The receiver is off.
-            Phase::Sending => return false,
+            Phase::Sending => {
+                // The receiver is off.
+                wire.take();
+                return None;
+            }
         }
         self.phase = Phase::Collecting;
         self.flaws |= flaws;
+        let byte = wire.take();
         // Only a frame without flaws is stored: one that is damaged may come while the buffer is lent.
-        self.flaws.is_empty()
+        if !self.flaws.is_empty() {
+            return None;
+        }
+        if self.buffer != Buffer::Free {
+            // Nothing is to be sent any more, so there is room for one here.
+            self.first = byte;
+            self.flaws = Flaws::KEPT;
+            return None;
+        }
+        Some(byte)
     }
 
     /// The alarm went off: some silence is over.
@@ -272,22 +283,31 @@ impl LineMachine {
     #[inline(always)]
     fn on_start<W: Wire>(&mut self, wire: &mut W) {
         if self.is_released() {
-            if !wire.start_bit_seen() {
-                return self.start(wire);
-            }
-            if wire.ascii().is_some() {
+            if wire.start_bit_seen() {
                 // An edge, or a character that has begun: which of them shows within one.
                 return self.await_character(wire);
             }
-            self.withhold();
+            return self.start(wire);
         }
         self.on_free(wire);
     }
 
-    /// The frame stands, but it is too late for an answer: somebody talks.
+    /// A frame that is complete is none.
     #[inline(always)]
-    fn withhold(&mut self) {
-        self.verdict = Verdict::Late;
+    fn void<W: Wire>(&mut self, wire: &mut W) {
+        if self.verdict == Verdict::Pending {
+            self.verdict = Verdict::Void;
+            wire.wake_user();
+        }
+    }
+
+    /// Where a frame stands, it is too late for an answer. Told at once: the buffer is needed for the frame that begins.
+    #[inline(always)]
+    fn withhold<W: Wire>(&mut self, wire: &mut W) {
+        if self.verdict == Verdict::Stands {
+            self.verdict = Verdict::Late;
+            wire.wake_user();
+        }
     }
 
     /// Whether an answer starts at t3.5, if nothing comes between.
@@ -303,7 +323,7 @@ impl LineMachine {
     fn on_free<W: Wire>(&mut self, wire: &mut W) {
         wire.alarm_off();
         self.phase = Phase::Silent;
-        if self.silence_awaited || matches!(self.verdict, Verdict::Void | Verdict::Late) {
+        if self.silence_awaited {
             self.silence_awaited = false;
             wire.wake_user();
         }
@@ -400,7 +420,7 @@ impl LineMachine {
     pub fn fetch(&mut self) -> Option<Result<u8, Flaws>> {
         if self.damaged_count > 0 {
             self.damaged_count -= 1;
-            let flaws = self.damaged;
+            let flaws = Flaws::from_bits(self.damaged.bits());
             if self.damaged_count == 0 {
                 self.damaged = Flaws::NONE;
             }
@@ -465,15 +485,10 @@ impl LineMachine {
                     self.prepare(wire, len);
                     return self.start(wire);
                 }
-                // Somebody may have begun to talk: the next try waits until t3.5 has passed without. In ASCII it may be noise as
-                // well, and the buffer is not needed yet: this try waits.
+                // Somebody may have begun to talk: it waits until t3.5 has passed without.
                 wire.clear_start_bit();
-                self.phase = if wire.ascii().is_some() {
-                    self.prepare(wire, len);
-                    Phase::Settled
-                } else {
-                    Phase::Sent
-                };
+                self.prepare(wire, len);
+                self.phase = Phase::Settled;
                 wire.alarm(Interval::T3_5);
                 wire.alarm_on();
             }

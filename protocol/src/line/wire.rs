@@ -38,6 +38,8 @@ pub trait Wire {
     fn is_text(&self) -> bool {
         false
     }
+    /// The character that came, out of the USART.
+    fn take(&mut self) -> u8;
     /// Stores a byte of an ASCII frame in the buffer, which is not lent.
     #[inline(always)]
     fn store(&mut self, at: u8, byte: u8) {

@@ -140,6 +140,8 @@ pub struct Chip {
     rounds: u64,
     alarm_enabled: bool,
     sending: Option<Sending>,
+    /// A character that nobody has taken out of the receiver.
+    waiting: Option<u8>,
 }
 
 /// The chip and the machine.
@@ -187,6 +189,7 @@ impl Bus {
                 rounds: 0,
                 alarm_enabled: false,
                 sending: None,
+                waiting: None,
             },
             machine: LineMachine::new(),
         };
@@ -327,10 +330,19 @@ impl Bus {
         let silence = chip.settings.complete() + chip.settings.blind();
         chip.set_compare(chip.now + chip.settings.half_stop() + silence);
         chip.clear_start_bit();
-        let full = chip.stored == 256;
-        let plain = self.machine.is_collecting() && flaws.is_empty() && !full;
-        if chip.settings.short_cut && plain || self.machine.on_character(chip, flaws, full) {
-            chip.store(byte);
+        chip.waiting = Some(byte);
+        while let Some(byte) = chip.waiting {
+            let full = chip.stored == 256;
+            let plain = self.machine.is_collecting() && flaws.is_empty() && !full;
+            let store = if chip.settings.short_cut && plain {
+                chip.waiting = None;
+                Some(byte)
+            } else {
+                self.machine.on_character(chip, flaws, full)
+            };
+            if let Some(byte) = store {
+                chip.store(byte);
+            }
         }
     }
 
@@ -427,6 +439,10 @@ impl Chip {
 impl Wire for Chip {
     fn ascii(&mut self) -> Option<&mut Ascii> {
         self.ascii.as_mut()
+    }
+
+    fn take(&mut self) -> u8 {
+        self.waiting.take().expect("taken twice")
     }
 
     fn store(&mut self, at: u8, byte: u8) {

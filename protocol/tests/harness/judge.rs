@@ -165,10 +165,8 @@ fn judge_exactly<const MAY_FAIL: bool>(
         _ => None,
     });
     let mut verdict = Verdict::default();
-    let mut hogged = false;
     for run in runs(settings, &bus.chip.chars, &bus.chip.talks, &[]) {
-        let Some(body) = run.body().filter(|_| !std::mem::take(&mut hogged)) else {
-            hogged = false;
+        let Some(body) = run.body() else {
             verdict.bad += 1;
             let flaws = told.next().expect("a damaged frame is not told");
             assert_eq!(flaws.contains(Flaws::GAP), run.gap, "{flaws:?}");
@@ -193,8 +191,6 @@ fn judge_exactly<const MAY_FAIL: bool>(
         let next = bus.chip.chars.get(run.last + 1).map(|char| char.start);
         let somebody_by = |at| next.is_some_and(|next| next <= run.end + at);
         if somebody_by(settings.t3_5) {
-            // One that sees no start bits hears it before the task can let go of the answer.
-            hogged = !settings.sees_start_bits;
             continue;
         }
         let withheld = somebody_by(settings.to_answer() + late);

@@ -87,9 +87,8 @@ impl Bus {
             (wire, Event::Data(from, _)) if machine.sees_edges() => {
                 machine.is_on(*wire) && !machine.is(*from)
             }
-            (wire, Event::Noise(_) | Event::Resolve) => {
-                machine.sees_edges() && machine.is_on(*wire)
-            }
+            (wire, Event::Noise(_)) => machine.is_on(*wire),
+            (wire, Event::Resolve) => machine.sees_edges() && machine.is_on(*wire),
             _ => false,
         };
         let begins = self.queue.iter().find(|(_, event)| hears(event));

@@ -92,7 +92,8 @@ pub(crate) fn set_attention(needed: bool) {
 pub(super) unsafe fn on_character<DE: DriverEnable, F: Framings>() {
     // SAFETY: touches the registers of the line and what `Hot` and `ADU` hold; only a frame without
     // flaws is stored, and one that begins while the buffer is not free has a flaw. Around the call it
-    // saves what the calling convention lets a function change; r0 and SREG are saved by the interrupt.
+    // saves what the calling convention lets a function change, but for what is declared below; r0 and SREG are
+    // saved by the interrupt.
     unsafe {
         asm!(
             // OCR1B = TCNT1 + to_complete, low byte read first, high byte written first (DS 16.3).
@@ -115,8 +116,8 @@ pub(super) unsafe fn on_character<DE: DriverEnable, F: Framings>() {
             "or r25, r24",
             "brne 3f",
             // Store the byte.
-            "2: lds r19, 0xC6",
-            "lds r24, {hot}",
+            "lds r19, 0xC6",
+            "2: lds r24, {hot}",
             "mov r26, r24",
             "ldi r27, 0",
             "subi r26, lo8(-({adu}))",
@@ -159,10 +160,8 @@ pub(super) unsafe fn on_character<DE: DriverEnable, F: Framings>() {
             "sts {hot}+3, r25",
             "out 0x2A, r25",
             "rjmp 5b",
-            // Not simply the next character. The answer says whether to store it; else it is taken already.
-            "3: push r18",
-            "push r19",
-            "push r20",
+            // Not simply the next character. The answer says whether there is a byte to be stored, and which.
+            "3: push r20",
             "push r21",
             "push r22",
             "push r23",
@@ -175,8 +174,7 @@ pub(super) unsafe fn on_character<DE: DriverEnable, F: Framings>() {
             "pop r22",
             "pop r21",
             "pop r20",
-            "pop r19",
-            "pop r18",
+            "mov r19, r25",
             "tst r24",
             "breq 9f",
             "rjmp 2b",
@@ -193,8 +191,12 @@ pub(super) unsafe fn on_character<DE: DriverEnable, F: Framings>() {
     }
 }
 
-/// Called by [`on_character`] with the error bits of UCSR0A: whether the character is to be stored.
-extern "C" fn on_unusual_character<DE: DriverEnable, F: Framings>(errors: u8) -> bool {
+/// Called by [`on_character`] with the error bits of UCSR0A: not 0 in the lower half if the byte in the upper half is to be
+/// stored. Where that is not the one that came, that one is in the USART still, and RXC calls again (DS 20.7.3).
+extern "C" fn on_unusual_character<DE: DriverEnable, F: Framings>(errors: u8) -> u16 {
     // SAFETY: in the interrupt.
-    unsafe { &mut *SHARED.get() }.on_unusual_character::<DE, F>(errors)
+    match unsafe { &mut *SHARED.get() }.on_unusual_character::<DE, F>(errors) {
+        Some(byte) => u16::from_le_bytes([1, byte]),
+        None => 0,
+    }
 }

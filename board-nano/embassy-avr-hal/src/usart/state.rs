@@ -149,25 +149,24 @@ impl State {
         set_attention(true);
     }
 
-    /// A character that is not simply the next good one of an RTU frame: whether it is still in the USART, to
-    /// be stored.
+    /// A character that is not simply the next good one of an RTU frame: a byte that is to be stored.
     #[inline(always)]
-    pub fn on_unusual_character<DE: DriverEnable, F: Framings>(&mut self, errors: u8) -> bool {
+    pub fn on_unusual_character<DE: DriverEnable, F: Framings>(
+        &mut self,
+        errors: u8,
+    ) -> Option<u8> {
         let flaws = registers::flaws(errors);
         edge::on_character();
         let (machine, mut wire) = self.parts::<DE, F>();
         if wire.ascii().is_some() {
             machine.on_ascii_character(&mut wire, Usart::take(), flaws);
-            return false;
+            return None;
         }
         // SAFETY: in the interrupt.
         let full = unsafe { Hot::get() }.is_full();
         let store = machine.on_character(&mut wire, flaws, full);
         // While edges are waited for, every character has to pass by here: see `edge`.
-        set_attention(!store || edge::has_waits());
-        if !store {
-            Usart::take();
-        }
+        set_attention(store.is_none() || edge::has_waits());
         store
     }
 
@@ -229,6 +228,11 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
         // SAFETY: in an interrupt of the line, or with interrupts off; the machine keeps none of these.
         let state = unsafe { AsciiState::get() };
         state.is_on.then_some(&mut state.ascii)
+    }
+
+    #[inline(always)]
+    fn take(&mut self) -> u8 {
+        Usart::take()
     }
 
     #[inline(always)]

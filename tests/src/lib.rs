@@ -54,7 +54,7 @@ pub use frames::{Frame, Framing, framed, frames, with_crc};
 pub use gpio::{Level, Pin};
 pub use host::{Host, HostPort, RxByte, Tx};
 pub use line::{Format, Line, Parity};
-pub use live::{Live, LiveError};
+pub use live::{Behind, Live, LiveError};
 pub use machine::{Cause, Emulator, Instructions, Machine, MachineId, Parts, Silicon, Stm32};
 pub use node::{Nano, Node, Stats, VECTORS, VectorStats};
 pub use record::{

@@ -32,22 +32,24 @@ fn the_link_is_made_and_goes_away() {
 }
 
 #[test]
-fn a_link_left_over_is_replaced_and_another_ones_is_left_alone() {
-    let link = path("stale");
+fn a_link_of_someone_else_is_refused_and_kept() {
+    let link = path("foreign");
     symlink("nowhere", &link).expect("a link");
+    assert!(matches!(live(&link), Err(LiveError::ForeignLink { path, .. }) if path == link));
+    let target = fs::read_link(&link).expect("a link");
+    assert_eq!(target, PathBuf::from("nowhere"));
+    fs::remove_file(&link).expect("a link");
+}
+
+#[test]
+fn the_link_of_a_bus_that_runs_is_refused_and_free_afterwards() {
+    let link = path("taken");
     let bus = live(&link).expect("a terminal");
-    assert_ne!(
-        fs::read_link(&link).expect("a link"),
-        PathBuf::from("nowhere")
-    );
-    fs::remove_file(&link).expect("a link");
-    symlink("of someone else", &link).expect("a link");
+    let target = fs::read_link(&link).expect("a link");
+    assert!(matches!(live(&link), Err(LiveError::Taken(path)) if path == link));
+    assert_eq!(fs::read_link(&link).expect("a link"), target);
     drop(bus);
-    assert_eq!(
-        fs::read_link(&link).expect("a link"),
-        PathBuf::from("of someone else")
-    );
-    fs::remove_file(&link).expect("a link");
+    assert!(live(&link).is_ok());
 }
 
 #[test]

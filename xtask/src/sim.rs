@@ -191,7 +191,8 @@ pub fn program(name: &str) -> Result<Command, Error> {
     Ok(command)
 }
 
-/// A link is only made in place of an older link: whatever else stands there is the user's.
+/// A link is only made in place of one that a simulated bus has left: whatever else stands there is the user's. Only the bus
+/// knows its links; this says early what cannot be one of them.
 fn check_link(link: &Path) -> Result<(), Error> {
     let refused = |why| {
         Err(Error::usage(format!(
@@ -201,6 +202,9 @@ fn check_link(link: &Path) -> Result<(), Error> {
     };
     match link.symlink_metadata() {
         Ok(meta) if !meta.is_symlink() => return refused("it exists and is not a link"),
+        Ok(_) if !link.read_link().is_ok_and(|to| to.starts_with("/dev")) => {
+            return refused("it is a link which no sim made");
+        }
         _ => {}
     }
     // The folder of a bare name is the current one, which is given as an empty path.

@@ -224,6 +224,7 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
     }
 
     let mut live = Live::new(bus, client, &arguments.link)?;
+    live.on_behind(|behind| eprintln!("warning: {behind}"));
     say(&format!("ready: {}\n", live.link().display()));
     let mut waiting = arguments.inject;
     if let Some(canned) = waiting {

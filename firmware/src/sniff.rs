@@ -81,15 +81,21 @@ pub struct Tap<const N: usize> {
 }
 
 impl<const N: usize> Tap<N> {
-    /// Nothing seen.
+    /// Nothing seen. Where a frame may be an answer or a request once more, it is an answer within
+    /// [200 ms](Sniffer::PATIENCE_MS).
     pub const fn new() -> Self {
+        Self::within_ms(Sniffer::PATIENCE_MS)
+    }
+
+    /// The same, within so many ms of the request: no longer than the client's timeout.
+    pub const fn within_ms(patience_ms: u32) -> Self {
         const { assert!(N >= HEAD + 254, "a tap must have room for a whole frame") };
         Self {
             records: RefCell::new(Records {
                 bytes: [0; N],
                 len: 0,
             }),
-            sniffer: RefCell::new(Sniffer::new()),
+            sniffer: RefCell::new(Sniffer::new(patience_ms)),
             dropped: Cell::new(0),
             printed: Cell::new(0),
             came: Signal::new(),
@@ -171,7 +177,7 @@ impl<const N: usize> Ear for Tap<N> {
         let mut sniffer = self.sniffer.borrow_mut();
         let (kind, frame) = match seen {
             Ok(frame) => {
-                let kind = match sniffer.frame(frame) {
+                let kind = match sniffer.frame(frame, time) {
                     Direction::Request => REQUEST,
                     Direction::Answer => ANSWER,
                     Direction::Exception => EXCEPTION,

@@ -1,11 +1,14 @@
 //! What a port that only listens makes of the frames it hears: which is a request, which answers it, and a line of text for
 //! each.
 //!
-//! Nothing in a frame says which way it goes; an answer is known by what it follows, and by its shape. A request that is
-//! repeated because nobody answered it looks like the answer of Write Single Coil, Write Single Register, Mask Write
-//! Register and Diagnostics, which repeat the request; the two cannot be told apart, and the second is taken for the answer.
+//! Nothing in a frame says which way it goes; an answer is known by what it follows, and by its shape. Where the shape leaves
+//! both open, time tells and repetition. Functions 05, 06, 08, 15 and 16 are answered with the same bytes, so the same bytes
+//! are the answer if they come within the time that an answer takes to begin, and after that the request once more. Those of
+//! other functions are never answered with the same bytes. Three bytes of coils or discrete inputs look like a request at
+//! 0x0300 to 0x03FF: they are the answer to a request of so many, within that time.
 
 use crate::BROADCAST;
+use crate::crc;
 use crate::function::{self, EXCEPTION_BIT};
 use crate::rtu::Flaws;
 
@@ -37,19 +40,61 @@ pub struct Heard {
     pub damaged: u32,
 }
 
+/// A request that is not answered yet.
+#[derive(Clone, Copy, Debug)]
+struct Asked {
+    unit: u8,
+    function: u8,
+    len: u8,
+    crc: u16,
+    /// The first data: an address and a number, mostly.
+    head: [u8; 4],
+    time_us: u64,
+}
+
+impl Asked {
+    fn new(frame: &[u8], time_us: u64) -> Asked {
+        let byte = |at: usize| frame.get(at).copied().unwrap_or(0);
+        Asked {
+            unit: byte(0),
+            function: byte(1),
+            len: frame.len() as u8,
+            crc: crc::checksum(frame),
+            head: [byte(2), byte(3), byte(4), byte(5)],
+            time_us,
+        }
+    }
+
+    fn is_repeated(&self, frame: &[u8]) -> bool {
+        frame.len() == usize::from(self.len) && crc::checksum(frame) == self.crc
+    }
+
+    /// Whether the answer has as many coils or discrete inputs as were asked for.
+    fn has_bits(&self, count: u8) -> bool {
+        let [.., high, low] = self.head;
+        u16::from_be_bytes([high, low]).div_ceil(8) == count.into()
+    }
+}
+
 /// Pairs requests with answers, and counts.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Sniffer {
-    /// Unit id and function code of the request that is not answered yet.
-    asked: Option<(u8, u8)>,
+    asked: Option<Asked>,
+    patience_us: u64,
     heard: Heard,
 }
 
 impl Sniffer {
-    /// Nothing heard yet.
-    pub const fn new() -> Sniffer {
+    /// How long after a request what may be either is its answer, in ms, if not said otherwise: longer than servers take,
+    /// shorter than most clients wait before they ask once more.
+    pub const PATIENCE_MS: u32 = 200;
+
+    /// Nothing heard yet. What may be either is an answer within `patience_ms` of the request: no longer than the client's
+    /// timeout.
+    pub const fn new(patience_ms: u32) -> Sniffer {
         Sniffer {
             asked: None,
+            patience_us: 1000 * patience_ms as u64,
             heard: Heard {
                 requests: 0,
                 broadcasts: 0,
@@ -66,9 +111,9 @@ impl Sniffer {
         self.heard
     }
 
-    /// A good frame: unit id, function code and data.
-    pub fn frame(&mut self, frame: &[u8]) -> Direction {
-        let direction = self.direction(frame);
+    /// A good frame: unit id, function code and data, and when it was over, in us since any moment.
+    pub fn frame(&mut self, frame: &[u8], time_us: u64) -> Direction {
+        let direction = self.direction(frame, time_us);
         let count = |counter: &mut u32| *counter = counter.wrapping_add(1);
         match direction {
             Direction::Answer => count(&mut self.heard.answers),
@@ -82,8 +127,7 @@ impl Sniffer {
                 if unit == BROADCAST {
                     count(&mut self.heard.broadcasts);
                 }
-                let function = frame.get(1).copied().unwrap_or(0);
-                self.asked = (unit != BROADCAST).then_some((unit, function));
+                self.asked = (unit != BROADCAST).then(|| Asked::new(frame, time_us));
                 return direction;
             }
         }
@@ -96,26 +140,74 @@ impl Sniffer {
         self.heard.damaged = self.heard.damaged.wrapping_add(1);
     }
 
-    fn direction(&self, frame: &[u8]) -> Direction {
-        match (self.asked, frame) {
-            (Some((unit, function)), [from, code, data @ ..]) if unit == *from => {
-                if *code == function | EXCEPTION_BIT && function & EXCEPTION_BIT == 0 {
-                    match data {
-                        [_] => Direction::Exception,
-                        _ => Direction::Request,
-                    }
-                } else if *code == function && may_answer(function, data) {
-                    Direction::Answer
-                } else {
-                    Direction::Request
+    fn direction(&self, frame: &[u8], time_us: u64) -> Direction {
+        let (Some(asked), [from, code, data @ ..]) = (&self.asked, frame) else {
+            return Direction::Request;
+        };
+        let function = asked.function;
+        let is_exception = *code == function | EXCEPTION_BIT && function & EXCEPTION_BIT == 0;
+        if asked.unit != *from {
+            Direction::Request
+        } else if is_exception && data.len() == 1 {
+            Direction::Exception
+        } else if *code != function || !may_answer(function, data) {
+            Direction::Request
+        } else {
+            let in_time = time_us.saturating_sub(asked.time_us) <= self.patience_us;
+            let is_answer = match (likeness(function), data) {
+                (Likeness::Same, _) => asked.is_repeated(frame) && in_time,
+                (Likeness::Any, _) => in_time,
+                (Likeness::Bits, [count, _, _, _]) => {
+                    asked.has_bits(*count) && in_time && !asked.is_repeated(frame)
                 }
+                _ => !asked.is_repeated(frame),
+            };
+            if is_answer {
+                Direction::Answer
+            } else {
+                Direction::Request
             }
-            _ => Direction::Request,
         }
     }
 }
 
-/// Whether data behind this function code may be an answer's. An answer that is as long as the request may be either.
+/// How much an answer looks like a request of the same function.
+enum Likeness {
+    /// It is the same, byte for byte.
+    Same,
+    /// It may be, or anything else.
+    Any,
+    /// One of three bytes of coils or discrete inputs may look like another request.
+    Bits,
+    /// Not at all.
+    None,
+}
+
+const fn likeness(function: u8) -> Likeness {
+    match function {
+        function::WRITE_SINGLE_COIL
+        | function::WRITE_SINGLE_REGISTER
+        | function::WRITE_FILE_RECORD
+        | function::MASK_WRITE_REGISTER => Likeness::Same,
+        function::READ_COILS | function::READ_DISCRETE_INPUTS => Likeness::Bits,
+        function::READ_HOLDING_REGISTERS
+        | function::READ_INPUT_REGISTERS
+        | function::READ_EXCEPTION_STATUS
+        | function::GET_COMM_EVENT_COUNTER
+        | function::GET_COMM_EVENT_LOG
+        | function::WRITE_MULTIPLE_COILS
+        | function::WRITE_MULTIPLE_REGISTERS
+        | function::REPORT_SERVER_ID
+        | function::READ_FILE_RECORD
+        | function::READ_WRITE_REGISTERS
+        | function::READ_FIFO_QUEUE
+        | function::ENCAPSULATED_INTERFACE => Likeness::None,
+        // Diagnostics and what is the application's.
+        _ => Likeness::Any,
+    }
+}
+
+/// Whether data behind this function code may be an answer's.
 fn may_answer(function: u8, data: &[u8]) -> bool {
     // A block behind its byte count.
     let counted = |data: &[u8]| match data {

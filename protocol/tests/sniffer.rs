@@ -55,9 +55,35 @@ const EXCHANGES: &[(&str, &str)] = &[
     ("41 01 02", "41 02 01"),
 ];
 
+/// Frames of a bus, each 10 ms after the one before.
+struct Bus {
+    sniffer: Sniffer,
+    time_us: u64,
+}
+
+const PATIENCE_MS: u32 = 100;
+
+impl Bus {
+    fn new() -> Self {
+        Bus {
+            sniffer: Sniffer::new(PATIENCE_MS),
+            time_us: 0,
+        }
+    }
+
+    fn frame(&mut self, frame: &[u8]) -> Direction {
+        self.frame_after(10, frame)
+    }
+
+    fn frame_after(&mut self, ms: u64, frame: &[u8]) -> Direction {
+        self.time_us += 1000 * ms;
+        self.sniffer.frame(frame, self.time_us)
+    }
+}
+
 #[test]
 fn an_answer_is_known_by_what_it_follows() {
-    let mut sniffer = Sniffer::new();
+    let mut sniffer = Bus::new();
     for (request, answer) in EXCHANGES {
         let to_17 = |pdu: &str| bytes(&format!("11 {pdu}"));
         assert_eq!(
@@ -74,7 +100,7 @@ fn an_answer_is_known_by_what_it_follows() {
     }
     let count = EXCHANGES.len() as u32;
     assert_eq!(
-        sniffer.heard(),
+        sniffer.sniffer.heard(),
         Heard {
             requests: 2 * count,
             answers: count,
@@ -86,7 +112,7 @@ fn an_answer_is_known_by_what_it_follows() {
 
 #[test]
 fn what_is_not_answered_is_followed_by_a_request() {
-    let mut sniffer = Sniffer::new();
+    let mut sniffer = Bus::new();
     for request in [
         "11 03 00 6B 00 03",
         // The same once more, to another unit, with another function, a broadcast.
@@ -103,7 +129,7 @@ fn what_is_not_answered_is_followed_by_a_request() {
             "{request}"
         );
     }
-    sniffer.damaged();
+    sniffer.sniffer.damaged();
     assert_eq!(
         sniffer.frame(&bytes("12 06 00 01 00 03")),
         Direction::Answer
@@ -111,7 +137,7 @@ fn what_is_not_answered_is_followed_by_a_request() {
     // An answer to nothing.
     assert_eq!(sniffer.frame(&bytes("12 86 02")), Direction::Request);
     assert_eq!(
-        sniffer.heard(),
+        sniffer.sniffer.heard(),
         Heard {
             requests: 8,
             broadcasts: 2,
@@ -123,9 +149,62 @@ fn what_is_not_answered_is_followed_by_a_request() {
     );
 }
 
+/// Those whose answer may be the request once more.
+const ECHOES: &[u8] = &[0x05, 0x06, 0x08, 0x15, 0x16, 0x41];
+
+#[test]
+fn a_request_that_is_repeated_is_one() {
+    let looks_like_an_answer = [
+        ("01 03 13 00 18", ""),
+        ("02 03 FF 00 01", ""),
+        ("17 0A 00 00 06 00 0E 00 01 02 00 FF", ""),
+    ];
+    for (request, answer) in EXCHANGES.iter().chain(&looks_like_an_answer) {
+        let frame = bytes(&format!("11 {request}"));
+        let mut sniffer = Bus::new();
+        assert_eq!(sniffer.frame(&frame), Direction::Request);
+        for _ in 0..3 {
+            let late = u64::from(PATIENCE_MS) + 1;
+            let seen = sniffer.frame_after(late, &frame);
+            assert_eq!(seen, Direction::Request, "{request}");
+        }
+        // What may be the answer is it soon after; other functions have none that is the same.
+        let echoes = ECHOES.contains(&frame[1]);
+        let seen = sniffer.frame_after(PATIENCE_MS.into(), &frame);
+        assert_eq!(seen == Direction::Answer, echoes, "{request}");
+        if !answer.is_empty() && !echoes {
+            let answer = bytes(&format!("11 {answer}"));
+            assert_eq!(sniffer.frame(&answer), Direction::Answer, "{request}");
+        }
+    }
+}
+
+#[test]
+fn another_request_that_looks_like_an_answer_is_one() {
+    for (first, second, after_ms) in [
+        // Another address, as many as fill three bytes: later than any answer.
+        ("01 00 13 00 18", "01 03 13 00 18", 101),
+        ("02 03 00 00 11", "02 03 11 00 11", 101),
+        // Three bytes where fewer or more were asked for.
+        ("01 00 13 00 10", "01 03 13 00 10", 10),
+        ("02 00 13 00 19", "02 03 13 00 19", 10),
+        // Another value, address, group.
+        ("06 00 01 00 03", "06 00 01 00 04", 10),
+        ("05 00 01 FF 00", "05 00 02 FF 00", 10),
+        ("16 00 04 00 F2 00 25", "16 00 05 00 F2 00 25", 10),
+        ("41 01 02", "41 01 02", 101),
+    ] {
+        let mut sniffer = Bus::new();
+        sniffer.frame(&bytes(&format!("11 {first}")));
+        let seen = sniffer.frame_after(after_ms, &bytes(&format!("11 {second}")));
+        assert_eq!(seen, Direction::Request, "{first}, {second}");
+        assert_eq!(sniffer.sniffer.heard().unanswered, 1);
+    }
+}
+
 #[test]
 fn any_bytes_are_taken() {
-    let mut sniffer = Sniffer::new();
+    let mut sniffer = Bus::new();
     for first in [
         &[][..],
         &[17],

@@ -55,10 +55,13 @@ const PORTS: [PortConfig; 4] = manager::table([
         .format(LineFormat::F8N1),
     PortConfig::new("RS4")
         .client()
-        .timeout_ms(50)
+        .timeout_ms(TIMEOUT_MS)
         .baud(38_400)
         .format(LineFormat::F8N1),
 ]);
+
+/// How long RS4 waits for a unit at first, and what the printer takes for one's answer.
+const TIMEOUT_MS: u32 = 50;
 
 /// Who asks on RS4: its registers, the scan list, the routers.
 const ASKERS: usize = 4;
@@ -197,7 +200,7 @@ fn main() -> ! {
     );
     info!("ports: AS1, AS2, RS2, RS4");
 
-    static TAP: ConstStaticCell<Tap<384>> = ConstStaticCell::new(Tap::new());
+    static TAP: ConstStaticCell<Tap<384>> = ConstStaticCell::new(Tap::within_ms(TIMEOUT_MS));
     static POLLED: ConstStaticCell<Polled> = ConstStaticCell::new(Scan::new([
         Entry::holding_registers(1, 0, 1).period_ms(100),
         Entry::holding_registers(2, 0, 1).period_ms(100),

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use common::frames::{adu, words};
 use common::random::Random;
-use common::{Rig, image, registers};
+use common::{LINE, Rig, image, registers};
 use multidrop_bus::{Bus, BusConfig, Level, Line, Nano, Pin, Time, Tx};
 
 fn images() -> [PathBuf; 3] {
@@ -144,5 +144,21 @@ fn an_idle_node_sleeps_and_is_not_woken_by_what_it_does_not_need() {
         let share = stats.asleep as f64 / (stats.asleep + stats.awake) as f64;
         assert!(share > 0.99, "{image:?} is asleep for {share}");
         assert!(rig.bus.node(node).is_asleep());
+    }
+}
+
+#[test]
+fn rxd_has_its_pull_up_for_when_the_receiver_of_the_transceiver_is_off() {
+    for image in images() {
+        let mut rig = Rig::with(&[&image], LINE);
+        let (port, direction) = rig.bus.node(rig.node()).port_state('D').expect("a port");
+        let rxd = 1 << 0;
+        assert_eq!(
+            (port & rxd, direction & rxd),
+            (rxd, 0),
+            "{}",
+            image.display()
+        );
+        rig.pause(Time::from_ms(1));
     }
 }

@@ -145,6 +145,12 @@ impl<P: Pin> InputPin for Input<P> {
     }
 }
 
+/// The pull-up of PD0, which is an input: its PORT register is 0x2B.
+#[inline(always)]
+pub(crate) fn hold_rxd_high() {
+    set(0x2B, 1 << 0);
+}
+
 /// A data enable pin of an RS-485 transceiver, driven by the line's interrupts; or [`NoDe`].
 pub trait DriverEnable {
     /// Whether the wires are one pair for both directions, since there is a driver to enable.

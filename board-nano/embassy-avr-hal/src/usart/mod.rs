@@ -31,7 +31,7 @@ use multidrop_firmware::protocol::port_registers::Duplex;
 use multidrop_firmware::protocol::rtu::Flaws;
 
 use crate::executor;
-use crate::gpio::{DriverEnable, PD0, PD1};
+use crate::gpio::{DriverEnable, PD0, PD1, hold_rxd_high};
 use crate::pac::{TC1, USART0};
 use crate::timer1;
 pub(crate) use character::set_attention;
@@ -61,6 +61,9 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
     pub fn new(_: USART0, _: &TC1, _: PD0, _: PD1, _: DE, settings: Settings<F>) -> Self {
         timer1::start();
         DE::init();
+        // The output of the transceiver's receiver floats while DE is up. The pull-up stays the port's with RXEN on (DS 14.3.3,
+        // RXD).
+        hold_rxd_high();
         with(|state| state.apply::<DE, F>(&settings));
         Self {
             _types: PhantomData,

@@ -10,7 +10,7 @@ use multidrop_firmware::ResetCause;
 
 use crate::ports::{As1, As2, LEDS, Port, PortSettings, Rs2, Rs4};
 use crate::usart::{Usart, registers};
-use crate::{fault, platform};
+use crate::{Clock, fault, platform};
 
 /// A port not opened yet: its pins are inputs.
 pub struct Closed<P>(PhantomData<P>);
@@ -18,8 +18,11 @@ pub struct Closed<P>(PhantomData<P>);
 impl<P: Port> Closed<P> {
     /// Sets the port up: pins with DE low, then receiver and transmitter on. The bus is not driven. It
     /// listens once the bus was silent for t3.5.
+    ///
+    /// Without the crystal ([`clock`]) a port whose rate would be off by more than 2.5 % stays off, until it is configured
+    /// for another.
     pub fn open(self, settings: PortSettings<P>) -> Usart {
-        Usart::open(P::INDEX, settings.line)
+        Usart::open(P::INDEX, settings.line, settings.baud)
     }
 }
 
@@ -60,6 +63,11 @@ pub fn init() -> Board {
 /// Why the board has started. [`ResetCause::tell`] puts it into the diagnostic register.
 pub fn reset_cause() -> ResetCause {
     ResetCause::from_number(CAUSE.load(Ordering::Relaxed))
+}
+
+/// What the clocks are made of, once [`init`] has started them.
+pub fn clock() -> Clock {
+    platform::clock()
 }
 
 /// Runs tasks for ever; the CPU sleeps between them, except in QEMU. `init` spawns the first of them.

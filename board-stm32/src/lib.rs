@@ -15,6 +15,14 @@
 //! TIM5 measures the silence on the lines, TIM2 is `embassy-time`'s. Everything else is the application's, but
 //! for EXTI (the start-bit detectors, see [`usart`]) and, where AS1 has RTS/CTS, the pins of USB.
 //!
+//! The clock is the crystal of 8 MHz. One that does not swing within 100 ms is done without: the chip's own oscillator takes its
+//! place, [`clock`] says so, and a port whose rate is then off by more than 2.5 % stays off until it is given another. That
+//! oscillator is off by 1 % at 25 degrees C, by 4 % from -10 to 85, by -8 to +4.5 % from -40 to 105 (DS, HSI oscillator
+//! characteristics): enough for a port to be reached, not for a bus in the cold.
+//!
+//! Brown-out reset is a matter of the option bytes and off as the chip is delivered (RM0090 3.6.1, BOR_LEV): level 3, below
+//! 2.7 V, fits a board of 3.3 V. The firmware leaves them alone.
+//!
 //! One source for the chip and for QEMU: feature `hardware`, on by default, or `qemu`. Feature `defmt` logs
 //! over RTT.
 //!
@@ -37,11 +45,31 @@ mod fault;
 mod platform;
 
 #[cfg(target_arch = "arm")]
-pub use board::{Board, Closed, init, outputs, reset_cause, run};
+pub use board::{Board, Closed, clock, init, outputs, reset_cause, run};
 #[cfg(all(target_arch = "arm", feature = "qemu"))]
 #[doc(hidden)]
 pub use board::{wrap_line_timer_in, wrap_time_in};
 pub use multidrop_firmware::ResetCause;
+
+/// What the clocks are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// The crystal.
+    Crystal,
+    /// The chip's own oscillator, since the crystal did not swing within 100 ms.
+    Internal,
+}
+
+impl Clock {
+    /// By how much it may be off, beside what a divider adds, in parts per million: 1 % at 25 degrees C for the chip's own
+    /// (DS, HSI oscillator characteristics); what a crystal is off by is far less.
+    pub const fn error_ppm(self) -> u32 {
+        match self {
+            Clock::Crystal => 0,
+            Clock::Internal => 10_000,
+        }
+    }
+}
 
 /// The timer of the lines, in ticks per second: TIM5 behind its prescaler.
 pub const TICK_HZ: u32 = if cfg!(feature = "qemu") {

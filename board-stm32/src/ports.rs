@@ -212,6 +212,7 @@ ports! {
 /// Settings of port `P`, made in a `const`: what the chip cannot do stops the build.
 pub struct PortSettings<P> {
     pub(crate) line: Settings,
+    pub(crate) baud: u32,
     port: PhantomData<P>,
 }
 
@@ -236,8 +237,9 @@ impl<P: Port> PortSettings<P> {
         }
         let line = port.line();
         match Settings::new(&line, wiring.clock_hz, crate::TICK_HZ) {
-            Ok(line) => Self {
-                line,
+            Ok(settings) => Self {
+                line: settings,
+                baud: line.baud,
                 port: PhantomData,
             },
             Err(LineError::Baud { nearest }) => port.wrong(

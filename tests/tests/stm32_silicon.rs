@@ -3,11 +3,14 @@
 
 mod common;
 
+use std::path::PathBuf;
+
 use common::four::Desk;
 use common::frames::{data, words};
-use common::{LINE, Runner, assert_bus_rules, ports, stm32_registers};
+use common::{LINE, Runner, assert_bus_rules, ports, stm32_registers, stm32_registers_at};
 use multidrop_bus::{
-    Answer, Bus, BusConfig, Emulator, HostId, HostPort, MachineId, Silicon, Stm32, Time, WireId,
+    Answer, Bus, BusConfig, Emulator, HostId, HostPort, Line, MachineId, Silicon, Stm32, Time,
+    WireId,
 };
 
 /// Registers (RM0090 2.3): RCC, FLASH, GPIOA and GPIOB, SYSCFG, EXTI, the interrupt controller.
@@ -197,4 +200,65 @@ fn a_crystal_that_is_off_takes_the_whole_chip_with_it() {
     let t35 = LINE.t35().ps();
     let turnaround = answer.turnaround().ps();
     assert!(turnaround > t35 + t35 * 19 / 10_000, "{turnaround}");
+}
+
+/// The image with RS4 on a wire with a host, its crystal dead or alive, after so long as it may wait for that.
+fn with_crystal(image: PathBuf, line: Line, swings: bool) -> (Bus, MachineId, HostId) {
+    let mut bus = Bus::new(BusConfig::default());
+    let stm32 = Stm32 {
+        name: "stm32".to_owned(),
+        image,
+        emulator: Runner::Core.emulator(),
+        wires: [None, None, None, Some(WireId::default())],
+    };
+    let machine = bus.add_stm32(stm32).expect("a valid image");
+    if !swings {
+        silicon(&mut bus, machine).fail_crystal();
+    }
+    let host = bus.add_host(HostPort::new(line));
+    bus.run_for(Time::from_ms(120));
+    (bus, machine, host)
+}
+
+#[test]
+fn without_the_crystal_the_chips_own_oscillator_makes_the_same_clocks_after_100_ms() {
+    let (mut bus, machine, host) = with_crystal(stm32_registers(Runner::Core), LINE, false);
+    let silicon = silicon(&mut bus, machine);
+    assert_eq!(silicon.core_hz(), 168_000_000);
+    // 16 MHz / 8 * 168 / 2; / 7. HSE is off again.
+    holds(
+        silicon,
+        &[(RCC + 0x04, 0x0700_2A08), (RCC + 0x08, 0x0000_940A)],
+    );
+    let cr = silicon.register(RCC).expect("it is modelled");
+    assert_eq!(cr >> 16 & 1, 0, "{cr:#x}");
+    let answer = bus.transact(host, &words(1, 3, 0, 1), Time::from_ms(20));
+    assert_eq!(answer.expect("an answer").bytes, data(1, 3, &[0, 0]));
+    assert_bus_rules(&bus, LINE);
+}
+
+#[test]
+fn without_the_crystal_a_rate_that_may_be_off_by_more_than_2_5_percent_stays_off() {
+    // 42 MHz / 22 is 2.1 % slow: with the crystal the rate is one of the port's, with an oscillator of 1 % it is not.
+    const BAUD: u32 = 1_950_000;
+    let image = || stm32_registers_at(Runner::Core, Line::n81(BAUD));
+    let line = Line::n81(1_909_091);
+    for swings in [true, false] {
+        let (mut bus, machine, host) = with_crystal(image(), line, swings);
+        let answer = bus.transact(host, &words(1, 3, 0, 1), Time::from_ms(20));
+        assert_eq!(answer.is_some(), swings);
+        let silicon = silicon(&mut bus, machine);
+        // UE of UART4's CR1; its pins are set up all the same.
+        let cr1 = silicon.register(USARTS[3] + 0x0C).expect("it is modelled");
+        assert_eq!(cr1 >> 13 & 1, u32::from(swings));
+        assert!(!silicon.pin('A', 4));
+    }
+}
+
+#[test]
+fn the_debugger_is_not_let_into_a_chip_that_sleeps() {
+    let mut desk = desk();
+    let silicon = silicon(&mut desk.bus, desk.machine);
+    // CR, and what stands still while the CPU is halted (RM0090 38.16.3, 38.16.4).
+    holds(silicon, &[(0xE004_2004, 0), (0xE004_2008, 0)]);
 }

@@ -1,4 +1,6 @@
-//! The chip itself: 168 MHz from a crystal of 8 MHz, TIM5's four compare channels as alarms.
+//! The chip itself: 168 MHz from a crystal of 8 MHz, or from the chip's own oscillator without one; TIM5's four compare channels as alarms.
+
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_executor::{Executor, Spawner};
 use embassy_stm32::interrupt;
@@ -12,12 +14,27 @@ use embassy_stm32::time::Hertz;
 use static_cell::StaticCell;
 
 use super::{ALARMS, CHARACTERS, OTHERS, group_priorities};
+use crate::Clock;
 use crate::ports::{APB1_HZ, APB2_HZ, PORTS};
 use crate::usart;
 
 /// The crystal, in Hz. For another one change PREDIV with it.
 const CRYSTAL_HZ: u32 = 8_000_000;
 const PREDIV: PllPreDiv = PllPreDiv::DIV4;
+
+/// The chip's own oscillator, which runs after reset (RM0090 7.2.2), and what makes the same of it.
+const INTERNAL_HZ: u32 = 16_000_000;
+const INTERNAL_PREDIV: PllPreDiv = PllPreDiv::DIV8;
+const _: () = assert!(INTERNAL_HZ / INTERNAL_PREDIV.to_bits() as u32 == PLL_IN_HZ);
+
+/// How long the crystal has to begin to swing; 2 ms are usual (DS, HSE oscillator characteristics).
+const CRYSTAL_PATIENCE_US: u32 = 100_000;
+
+/// Whether this is built to be looked into: then the debugger sees a chip that sleeps, and what it stops stands still.
+const IS_DEBUG: bool = cfg!(debug_assertions) || cfg!(feature = "defmt");
+
+/// That the crystal does not swing.
+static IS_INTERNAL: AtomicBool = AtomicBool::new(false);
 
 /// What the PLL is fed with: 1 to 2 MHz, of which the latter is recommended, as its output is the cleaner for it
 /// (RM0090 7.3.2). The multiplier below is for that.
@@ -39,14 +56,22 @@ const CC1: u32 = 1 << 1;
 /// Clocks, `embassy-time`, the alarms' timer and the interrupts of the line.
 pub(crate) fn init() {
     let mut config = embassy_stm32::Config::default();
-    config.rcc.hse = Some(Hse {
-        freq: Hertz(CRYSTAL_HZ),
-        mode: HseMode::Oscillator,
-    });
-    config.rcc.pll_src = PllSource::HSE;
+    let has_crystal = crystal_swings();
+    IS_INTERNAL.store(!has_crystal, Ordering::Relaxed);
+    let prediv = if has_crystal {
+        config.rcc.hse = Some(Hse {
+            freq: Hertz(CRYSTAL_HZ),
+            mode: HseMode::Oscillator,
+        });
+        config.rcc.pll_src = PllSource::HSE;
+        PREDIV
+    } else {
+        config.rcc.pll_src = PllSource::HSI;
+        INTERNAL_PREDIV
+    };
     // 2 MHz * 168 / 2 = 168 MHz; / 7 = 48 MHz, for USB and RNG (RM0090 7.3.2).
     config.rcc.pll = Some(Pll {
-        prediv: PREDIV,
+        prediv,
         mul: PllMul::MUL168,
         divp: Some(PllPDiv::DIV2),
         divq: Some(PllQDiv::DIV7),
@@ -58,7 +83,16 @@ pub(crate) fn init() {
     config.rcc.apb2_pre = APBPrescaler::DIV2;
     // Else those of DMA, which an application may use, go before characters.
     config.dma_interrupt_priority = OTHERS;
+    config.enable_debug_during_sleep = IS_DEBUG;
     embassy_stm32::init(config);
+    if IS_DEBUG {
+        // While the CPU is halted: else the watchdog would reset it, and alarms would be long past (RM0090 38.16.4).
+        pac::DBGMCU.apb1fzr().modify(|w| {
+            w.set_iwdg(true);
+            w.set_tim2(true);
+            w.set_tim5(true);
+        });
+    }
 
     // Prefetch and both caches (RM0090 3.9.1), which `init` leaves off: without them a fetch waits for up to five
     // cycles.
@@ -76,6 +110,40 @@ pub(crate) fn init() {
     }
     enable(interrupt::TIM5, ALARMS);
     interrupt::TIM2.set_priority(OTHERS);
+}
+
+/// Has the crystal begin to swing; if it does not, switches it off again. TIM5 counts the chip's own oscillator meanwhile: in
+/// us, since APB1 is not divided after reset (RM0090 7.2, 7.3.3).
+fn crystal_swings() -> bool {
+    pac::RCC.apb1enr().modify(|w| w.set_tim5en(true));
+    pac::RCC.apb1enr().read();
+    TIM5.psc().write_value((INTERNAL_HZ / 1_000_000 - 1) as u16);
+    TIM5.arr().write(|w| *w = u32::MAX);
+    TIM5.egr().write(|w| w.set_ug(true));
+    TIM5.cr1().write(|w| w.set_cen(true));
+    let begin = now();
+    pac::RCC.cr().modify(|w| w.set_hseon(true));
+    let swings = loop {
+        if pac::RCC.cr().read().hserdy() {
+            break true;
+        }
+        if now().wrapping_sub(begin) >= CRYSTAL_PATIENCE_US {
+            pac::RCC.cr().modify(|w| w.set_hseon(false));
+            break false;
+        }
+    };
+    TIM5.cr1().write(|w| w.set_cen(false));
+    swings
+}
+
+/// What the clocks are made of.
+#[inline(always)]
+pub(crate) fn clock() -> Clock {
+    if IS_INTERNAL.load(Ordering::Relaxed) {
+        Clock::Internal
+    } else {
+        Clock::Crystal
+    }
 }
 
 fn enable(interrupt: pac::Interrupt, priority: Priority) {

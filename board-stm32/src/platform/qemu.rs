@@ -104,6 +104,12 @@ pub(crate) fn init() {
     });
 }
 
+/// QEMU has no oscillators.
+#[inline(always)]
+pub(crate) const fn clock() -> crate::Clock {
+    crate::Clock::Crystal
+}
+
 /// The present tick.
 #[inline(always)]
 pub(crate) fn now() -> u32 {

@@ -59,6 +59,21 @@ impl Divisor {
         let wanted = baud as u64 * self.cycles_per_bit() as u64;
         (exact.abs_diff(wanted) * 1_000_000 / wanted) as u32
     }
+
+    /// Whether the rate is within [`MAX_ERROR_PPM`] if the clock itself may be off by `clock_ppm`.
+    ///
+    /// # Errors
+    /// [`BaudError`] with the nearest rate that the divider makes exactly.
+    pub const fn check(self, clock_hz: u32, baud: u32, clock_ppm: u32) -> Result<(), BaudError> {
+        if self.error_ppm(clock_hz, baud) + clock_ppm <= MAX_ERROR_PPM {
+            return Ok(());
+        }
+        let cycles = self.cycles_per_bit();
+        Err(BaudError {
+            baud,
+            nearest: (clock_hz + cycles / 2) / cycles,
+        })
+    }
 }
 
 /// A baud rate that the clock cannot make within [`MAX_ERROR_PPM`], or that is faster than the CPU can
@@ -114,6 +129,26 @@ mod tests {
 
     const APB1: u32 = 42_000_000;
     const APB2: u32 = 84_000_000;
+
+    #[test]
+    fn an_oscillator_of_1_percent_leaves_1_5_for_the_divider() {
+        // 42 MHz / 22 is 2.1 % off 1.95 Mbaud, / 25 is 1.5 % off 1.655 Mbaud, / 1094 next to nothing off 38400.
+        for (baud, with_internal) in [(1_950_000, false), (1_655_200, true), (38_400, true)] {
+            let divisor = divisor(42_000_000, baud).unwrap();
+            assert_eq!(divisor.check(42_000_000, baud, 0), Ok(()));
+            let checked = divisor.check(42_000_000, baud, 10_000);
+            assert_eq!(checked.is_ok(), with_internal, "{baud}");
+        }
+        let nearest = divisor(42_000_000, 1_950_000).unwrap();
+        let refused = nearest.check(42_000_000, 1_950_000, 10_000);
+        assert_eq!(
+            refused,
+            Err(BaudError {
+                baud: 1_950_000,
+                nearest: 1_909_091
+            })
+        );
+    }
 
     #[test]
     fn usual_rates_are_those_of_the_reference_manual() {

@@ -15,6 +15,7 @@ use multidrop_firmware::sniff::Ear;
 use super::registers;
 use super::settings::Settings;
 use super::state::{ADUS, SHARED, State};
+use crate::platform;
 use crate::ports::{PORTS, WIRING};
 
 /// The interrupts of the ports, in their order.
@@ -71,8 +72,9 @@ pub struct Usart {
 
 impl Usart {
     /// Sets port `port` up: pins with DE low, then receiver and transmitter on. The bus is not driven. It
-    /// listens once the bus was silent for t3.5. To be called once for each port.
-    pub(crate) fn open(port: usize, settings: Settings) -> Self {
+    /// listens once the bus was silent for t3.5. A port whose rate `baud` the clock does not make stays off: with
+    /// pins and all, until it is configured for another. To be called once for each port.
+    pub(crate) fn open(port: usize, settings: Settings, baud: u32) -> Self {
         let line = Self {
             port: port as u8,
             has_handshake: settings.rts_cts,
@@ -80,7 +82,16 @@ impl Usart {
             _tasks: PhantomData,
         };
         registers::connect(&WIRING[port]);
-        line.with(|state| line.apply(state, settings));
+        let checked = settings.check_clock(WIRING[port].clock_hz, baud, platform::clock());
+        if checked.is_ok() {
+            line.with(|state| line.apply(state, settings));
+        } else {
+            crate::info!(
+                "{} stays off: the clock does not make {} baud",
+                WIRING[port].name,
+                baud
+            );
+        }
         line
     }
 
@@ -132,7 +143,9 @@ impl Usart {
             return Err(LineError::Flow);
         }
         let clock_hz = WIRING[usize::from(self.port)].clock_hz;
-        Settings::new(config, clock_hz, crate::TICK_HZ)
+        let settings = Settings::new(config, clock_hz, crate::TICK_HZ)?;
+        settings.check_clock(clock_hz, config.baud, platform::clock())?;
+        Ok(settings)
     }
 }
 

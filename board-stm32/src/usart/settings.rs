@@ -6,6 +6,7 @@ use multidrop_firmware::protocol::port_registers::Flow;
 use multidrop_firmware::protocol::timing;
 
 use super::baud;
+use crate::Clock;
 
 /// Bits of CR1 (RM0090 30.6.4).
 pub(crate) const OVER8: u16 = 1 << 15;
@@ -65,6 +66,28 @@ impl Settings {
         character: 0,
         t3_5: 0,
     };
+
+    /// Whether the rate `baud`, which these are for, is within 2.5 % with what the `clock` may be off.
+    ///
+    /// # Errors
+    /// [`LineError::Baud`].
+    pub(crate) const fn check_clock(
+        &self,
+        clock_hz: u32,
+        baud: u32,
+        clock: Clock,
+    ) -> Result<(), LineError> {
+        let divisor = baud::Divisor {
+            brr: self.brr,
+            over8: self.cr1 & OVER8 != 0,
+        };
+        match divisor.check(clock_hz, baud, clock.error_ppm()) {
+            Ok(()) => Ok(()),
+            Err(error) => Err(LineError::Baud {
+                nearest: error.nearest,
+            }),
+        }
+    }
 
     /// Settings for `config`, for a USART with a clock of `clock_hz` (up to 100 MHz) and a timer with one of
     /// `tick_hz` (up to 55 MHz).

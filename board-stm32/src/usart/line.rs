@@ -82,7 +82,8 @@ impl Usart {
             _tasks: PhantomData,
         };
         registers::connect(&WIRING[port]);
-        let checked = settings.check_clock(WIRING[port].clock_hz, baud, platform::clock());
+        let checked =
+            settings.check_clock(WIRING[port].clock_hz, baud, platform::clock().error_ppm());
         if checked.is_ok() {
             line.with(|state| line.apply(state, settings));
         } else {
@@ -144,7 +145,7 @@ impl Usart {
         }
         let clock_hz = WIRING[usize::from(self.port)].clock_hz;
         let settings = Settings::new(config, clock_hz, crate::TICK_HZ)?;
-        settings.check_clock(clock_hz, config.baud, platform::clock())?;
+        settings.check_clock(clock_hz, config.baud, platform::clock().error_ppm())?;
         Ok(settings)
     }
 }

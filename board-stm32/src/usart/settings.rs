@@ -6,7 +6,6 @@ use multidrop_firmware::protocol::port_registers::Flow;
 use multidrop_firmware::protocol::timing;
 
 use super::baud;
-use crate::Clock;
 
 /// Bits of CR1 (RM0090 30.6.4).
 pub(crate) const OVER8: u16 = 1 << 15;
@@ -67,7 +66,7 @@ impl Settings {
         t3_5: 0,
     };
 
-    /// Whether the rate `baud`, which these are for, is within 2.5 % with what the `clock` may be off.
+    /// Whether the rate `baud`, which these are for, is within 2.5 % if the clock may be off by `clock_ppm` parts per million.
     ///
     /// # Errors
     /// [`LineError::Baud`].
@@ -75,13 +74,13 @@ impl Settings {
         &self,
         clock_hz: u32,
         baud: u32,
-        clock: Clock,
+        clock_ppm: u32,
     ) -> Result<(), LineError> {
         let divisor = baud::Divisor {
             brr: self.brr,
             over8: self.cr1 & OVER8 != 0,
         };
-        match divisor.check(clock_hz, baud, clock.error_ppm()) {
+        match divisor.check(clock_hz, baud, clock_ppm) {
             Ok(()) => Ok(()),
             Err(error) => Err(LineError::Baud {
                 nearest: error.nearest,

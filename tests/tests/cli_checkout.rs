@@ -85,7 +85,7 @@ fn the_simulator_takes_the_barrier_of_the_checkout_it_is_called_in() {
     let output = Command::new(places::program("sim"))
         .current_dir(&root)
         .env_remove("CARGO_MANIFEST_DIR")
-        .args(["stm32-conformance", "--image", "no.elf"])
+        .args(["stm32-conformance", "--qemu", "--image", "no.elf"])
         .output()
         .expect("it runs");
     let said = String::from_utf8_lossy(&output.stderr);

@@ -34,7 +34,7 @@ fn a_pc_reads_what_was_collected_and_reaches_the_nanos() {
         .iter()
         .map(|unit| common::image("demo-unit", &["--unit", unit]))
         .collect();
-    images.push(common::ports(common::Runner::Qemu));
+    images.push(common::ports(common::Runner::Core));
     let link = places::scratch().join(format!("mixed-{}", std::process::id()));
     let mut command = Command::new(places::program("sim"));
     command

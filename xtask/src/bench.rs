@@ -49,6 +49,7 @@ pub fn run(json: Option<&Path>, record: bool, short: bool) -> Result<(), Error> 
         Purpose::Arm,
         Purpose::Simulator,
         Purpose::Machine,
+        Purpose::Core,
         Purpose::Profiler,
     ])?;
     let builder = Builder::new()?;

@@ -33,6 +33,7 @@ pub fn run() -> Result<(), Error> {
         Purpose::Arm,
         Purpose::Simulator,
         Purpose::Machine,
+        Purpose::Core,
         Purpose::Client,
         Purpose::Profiler,
         Purpose::Checks,
@@ -178,14 +179,19 @@ fn all_images() -> Vec<Image> {
         (Scenario::ClientFunctions, LineOptions::default()),
         (Scenario::ClientFunctions, ascii),
     ] {
-        images.extend(scenario.images(line).expect("in this version"));
+        images.extend(scenario.images(line, false).expect("in this version"));
     }
     images.extend(variants.map(|options| registers(options).expect("a valid image")));
-    // For the chip: nothing here runs them, but they are built.
-    let stm32 = Board::Stm32.apps().iter();
-    images.extend(stm32.map(|&app| {
-        Image::new(Board::Stm32, app, Options::default()).expect("an application of the board")
-    }));
+    for qemu in [false, true] {
+        let options = Options {
+            qemu,
+            ..Options::default()
+        };
+        let stm32 = Board::Stm32.apps().iter();
+        images.extend(stm32.map(|&app| {
+            Image::new(Board::Stm32, app, options).expect("an application of the board")
+        }));
+    }
     images
 }
 

@@ -150,6 +150,9 @@ pub struct SimRequest {
     /// Send this canned message onto the bus once the nodes listen; a wrong name lists them.
     #[arg(long, value_name = "NAME")]
     pub inject: Option<String>,
+    /// Run an STM32 in QEMU: it is not in real time then.
+    #[arg(long)]
+    pub qemu: bool,
     #[command(flatten)]
     pub line: LineOptions,
 }

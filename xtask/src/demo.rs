@@ -19,7 +19,7 @@ pub fn run(hold: bool) -> Result<(), Error> {
     ])?;
     let mbpoll = repo::in_path("mbpoll").ok_or_else(|| Error::usage("mbpoll is not installed"))?;
     let mut demo = program("demo")?;
-    for path in build_images(&Scenario::DemoUnit.images(LineOptions::default())?)? {
+    for path in build_images(&Scenario::DemoUnit.images(LineOptions::default(), false)?)? {
         demo.arg("--image").arg(path);
     }
     demo.arg("--mbpoll").arg(mbpoll);

@@ -20,6 +20,8 @@ pub enum Purpose {
     Arm,
     /// Running the STM32 in QEMU.
     Machine,
+    /// Running the STM32 as it is flashed.
+    Core,
     /// Building and running the simulated bus.
     Simulator,
     /// A Modbus client that others wrote.
@@ -169,7 +171,7 @@ pub const ALL: &[Need] = &[
     },
     Need {
         name: "Unicorn's library",
-        purpose: Purpose::Machine,
+        purpose: Purpose::Core,
         found: python::unicorn,
         // It comes with a Python package, which set-up installs with the others.
         debian: &[],

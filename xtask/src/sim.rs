@@ -45,12 +45,12 @@ impl Scenario {
         Self::Mixed,
     ];
 
-    /// The images of the nodes, in the order of their places on the bus.
+    /// The images of the nodes, in the order of their places on the bus; those of an STM32 for QEMU if `qemu`.
     ///
     /// # Errors
     /// [`Error::usage`] for a scenario that is not in this version, and for options of the line that it does not
     /// have.
-    pub fn images(self, line: LineOptions) -> Result<Vec<Image>, Error> {
+    pub fn images(self, line: LineOptions, qemu: bool) -> Result<Vec<Image>, Error> {
         if !Self::BUILT.contains(&self) {
             return Err(Error::usage(format!(
                 "the scenario {} is not in this version; the scenarios are: {}",
@@ -66,6 +66,13 @@ impl Scenario {
             return Err(Error::usage(format!(
                 "--baud, --format, --ascii: the line of {} is 38400 8N1, RTU; only nano-conformance and \
                  stm32-conformance take these options",
+                word(self)
+            )));
+        }
+        let has_stm32 = matches!(self, Self::Stm32Conformance | Self::Mixed);
+        if qemu && !has_stm32 {
+            return Err(Error::usage(format!(
+                "--qemu: {} has no STM32; stm32-conformance and mixed have one",
                 word(self)
             )));
         }
@@ -85,12 +92,12 @@ impl Scenario {
                 })
                 .collect(),
             Self::Mixed => {
-                let qemu = Options {
-                    qemu: true,
-                    ..options
-                };
-                let mut images = Self::DemoUnit.images(line)?;
-                images.push(Image::new(Board::Stm32, App::Ports, qemu)?);
+                let mut images = Self::DemoUnit.images(line, false)?;
+                images.push(Image::new(
+                    Board::Stm32,
+                    App::Ports,
+                    Options { qemu, ..options },
+                )?);
                 Ok(images)
             }
             Self::RelayPanel => [App::RelayPanel, App::RelayBoard]
@@ -99,10 +106,7 @@ impl Scenario {
                 .collect(),
             Self::NanoConformance => Ok(vec![nano(App::Conformance, options)?]),
             Self::Stm32Conformance => {
-                let options = Options {
-                    qemu: true,
-                    ..options
-                };
+                let options = Options { qemu, ..options };
                 Ok(vec![Image::new(Board::Stm32, App::Conformance, options)?])
             }
             Self::ClientFunctions => Ok(vec![nano(App::ClientFunctions, options)?]),
@@ -125,13 +129,17 @@ pub fn run(request: &SimRequest) -> Result<(), Error> {
 }
 
 fn start(request: &SimRequest) -> Result<(), Error> {
-    let images = request.scenario.images(request.line)?;
+    let images = request.scenario.images(request.line, request.qemu)?;
     check_link(&request.link)?;
     let mut purposes = vec![Purpose::Firmware, Purpose::Simulator];
     for image in &images {
         purposes.push(purpose_of(image.board()));
-        if image.is_for_qemu() {
-            purposes.push(Purpose::Machine);
+        if image.board() == Board::Stm32 {
+            purposes.push(if request.qemu {
+                Purpose::Machine
+            } else {
+                Purpose::Core
+            });
         }
     }
     setup::require(&purposes)?;
@@ -156,6 +164,9 @@ fn start(request: &SimRequest) -> Result<(), Error> {
     bus.arg("--baud")
         .arg(baud.unwrap_or(DEFAULT_BAUD).to_string());
     bus.arg("--format").arg(word(format.unwrap_or(default)));
+    if request.qemu {
+        bus.arg("--qemu");
+    }
     if let Some(seconds) = request.seconds {
         bus.arg("--seconds").arg(seconds.to_string());
     }
@@ -223,7 +234,7 @@ mod tests {
     fn every_scenario_has_its_images_or_says_that_it_is_not_there_yet() {
         let stems = |scenario: Scenario| -> Vec<_> {
             let images = scenario
-                .images(LineOptions::default())
+                .images(LineOptions::default(), false)
                 .expect("in this version");
             images.iter().map(Image::stem).collect()
         };
@@ -246,10 +257,10 @@ mod tests {
                 "nano-demo-unit-unit1",
                 "nano-demo-unit-unit2",
                 "nano-demo-unit-unit3",
-                "stm32-ports-qemu"
+                "stm32-ports"
             ]
         );
-        let error = Scenario::SensorNodes.images(LineOptions::default());
+        let error = Scenario::SensorNodes.images(LineOptions::default(), false);
         let error = error.expect_err("not there yet");
         assert_eq!(error.code(), 2);
         let said = "sensor-nodes is not in this version";
@@ -264,10 +275,12 @@ mod tests {
             ascii: true,
         };
         let images = Scenario::NanoConformance
-            .images(line)
+            .images(line, false)
             .expect("it has variants");
         assert_eq!(images[0].stem(), "nano-conformance-baud19200-ascii");
-        let error = Scenario::Registers.images(line).expect_err("it has none");
+        let error = Scenario::Registers
+            .images(line, false)
+            .expect_err("it has none");
         assert_eq!(error.code(), 2);
         let said = "the line of registers is 38400 8N1, RTU; only nano-conformance and";
         assert!(error.message().contains(said), "{}", error.message());

@@ -40,6 +40,9 @@ struct Arguments {
     /// The format of its characters
     #[arg(long, value_name = "FORMAT", default_value = "8N1")]
     format: Format,
+    /// Run the STM32 in QEMU, with an image that is built for it: it is not in real time then
+    #[arg(long)]
+    qemu: bool,
     /// Send a canned frame as soon as the nodes listen, and show it with what it caused
     #[arg(long, value_name = "NAME")]
     inject: Option<Canned>,
@@ -75,13 +78,13 @@ impl Scenario {
             Scenario::Registers => &["nano-registers.elf"],
             Scenario::RelayPanel => &["nano-relay-panel.elf", "nano-relay-board.elf"],
             Scenario::NanoConformance => &["nano-conformance.elf"],
-            Scenario::Stm32Conformance => &["stm32-conformance-qemu.elf"],
+            Scenario::Stm32Conformance => &["stm32-conformance.elf"],
             Scenario::ClientFunctions => &["nano-client-functions.elf"],
             Scenario::Mixed => &[
                 "nano-demo-unit-unit1.elf",
                 "nano-demo-unit-unit2.elf",
                 "nano-demo-unit-unit3.elf",
-                "stm32-ports-qemu.elf",
+                "stm32-ports.elf",
             ],
         }
     }
@@ -206,7 +209,11 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
             bus.add_stm32(Stm32 {
                 name: "stm32".to_owned(),
                 image,
-                emulator: Emulator::qemu()?,
+                emulator: if arguments.qemu {
+                    Emulator::qemu()?
+                } else {
+                    Emulator::core()?
+                },
                 wires: [as1, as2, rs2, Some(WireId::default())],
             })?;
             continue;
@@ -275,7 +282,13 @@ fn images(arguments: &Arguments) -> Result<Vec<PathBuf>, SimError> {
     let names = arguments.scenario.images();
     if arguments.images.is_empty() {
         let folder = Path::new("target/firmware");
-        return Ok(names.iter().map(|name| folder.join(name)).collect());
+        let named = names.iter().map(|name| match name.strip_prefix("stm32-") {
+            Some(app) if arguments.qemu => {
+                folder.join(format!("stm32-{}", app.replace(".elf", "-qemu.elf")))
+            }
+            _ => folder.join(name),
+        });
+        return Ok(named.collect());
     }
     if arguments.images.len() != names.len() {
         return Err(SimError::Images {

@@ -35,6 +35,12 @@ impl Sim {
         for image in images {
             command.arg("--image").arg(image);
         }
+        if images
+            .iter()
+            .any(|image| image.to_string_lossy().contains("-qemu"))
+        {
+            command.arg("--qemu");
+        }
         settle(&mut command, folder);
         command
     }

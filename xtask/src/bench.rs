@@ -1,12 +1,13 @@
 //! `bench`: builds images as they are flashed, those of the STM32 for QEMU too, and measures them on the simulated bus.
 
+use crate::cli::LineOptions;
 use crate::error::Error;
 use crate::firmware::Builder;
 use crate::image::{App, Board, Image, Options, word};
 use crate::needs::Purpose;
-use crate::sim::program;
+use crate::sim::{Scenario, program};
 use crate::toolchain::Toolchain;
-use crate::{repo, setup, size};
+use crate::{python, repo, setup, size};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -77,7 +78,45 @@ pub fn run(json: Option<&Path>, record: bool, short: bool) -> Result<(), Error> 
     repo::run(&mut nano)?;
     repo::run(&mut stm32)?;
     repo::run(&mut speed)?;
-    repo::run(&mut host)
+    repo::run(&mut host)?;
+    repo::run(&mut latency(&builder)?)
+}
+
+/// Tells how long a client of `sim` waits, and measures nothing else.
+///
+/// # Errors
+/// As [`run`].
+pub fn tell_latency() -> Result<(), Error> {
+    setup::require(&[
+        Purpose::Firmware,
+        Purpose::Avr,
+        Purpose::Arm,
+        Purpose::Simulator,
+        Purpose::Core,
+    ])?;
+    repo::run(&mut latency(&Builder::new()?)?)
+}
+
+/// The command that tells how long a client of `sim` waits: by the clock on the wall, so it is kept nowhere.
+fn latency(builder: &Builder) -> Result<Command, Error> {
+    let mut latency = program("latency")?;
+    let root = repo::root();
+    latency.arg("--python").arg(python::interpreter());
+    latency
+        .arg("--client")
+        .arg(root.join("tests/python/latency.py"));
+    latency.arg("--sim").arg(program("sim")?.get_program());
+    latency.arg("--image");
+    for scenario in [
+        Scenario::Registers,
+        Scenario::Stm32Conformance,
+        Scenario::Mixed,
+    ] {
+        for image in scenario.images(LineOptions::default(), false)? {
+            latency.arg(builder.build(&image)?);
+        }
+    }
+    Ok(latency)
 }
 
 /// The package that measures the server on the host.

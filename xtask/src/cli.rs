@@ -75,6 +75,9 @@ pub enum Command {
         /// Without the ten minutes: what is kept of them is shown, and stays.
         #[arg(long)]
         short: bool,
+        /// Only tell how long a client of `sim` waits for an answer, which takes a minute.
+        #[arg(long, conflicts_with_all = ["json", "record", "short"])]
+        latency: bool,
     },
 }
 

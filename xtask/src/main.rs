@@ -68,10 +68,12 @@ fn run(command: Command) -> Result<(), Error> {
         Command::Test => check::run(),
         Command::Mutants(request) => mutants::run(&request),
         Command::Flash(request) => flash::run(&request),
+        Command::Bench { latency: true, .. } => bench::tell_latency(),
         Command::Bench {
             json,
             record,
             short,
+            latency: false,
         } => bench::run(json.as_deref(), record, short),
     }
 }

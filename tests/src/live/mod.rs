@@ -29,6 +29,9 @@ pub use pace::Behind;
 
 /// How long the bus is left alone at most; half of what bytes may take from the client to the line.
 const TICK: Duration = Duration::from_millis(1);
+/// The same while a client may wait for an answer: for so long after its last byte.
+const QUICK_TICK: Duration = Duration::from_micros(200);
+const QUICK: Duration = Duration::from_millis(500);
 
 /// Why a bus could not be put on a pseudo terminal.
 #[derive(Debug, thiserror::Error)]
@@ -116,15 +119,17 @@ impl Live {
         self.terminal.has_client()
     }
 
-    /// Runs in real time until `done` says so, asked about once a millisecond.
+    /// Runs in real time until `done` says so, asked about once a millisecond at least.
     ///
     /// # Errors
     /// [`LiveError::Terminal`], and [`LiveError::Bus`] when a machine has stopped.
     pub fn run(&mut self, mut done: impl FnMut(&mut Bus) -> bool) -> Result<(), LiveError> {
         let start = Instant::now();
         let mut pace = Pace::default();
+        let mut asked: Option<Instant> = None;
         while !done(&mut self.bus) {
-            let input = self.terminal.wait(TICK)?;
+            let waits = asked.is_some_and(|asked| asked.elapsed() < QUICK);
+            let input = self.terminal.wait(if waits { QUICK_TICK } else { TICK })?;
             if self.terminal.is_new() {
                 self.link.lead_to(self.terminal.name())?;
             }
@@ -134,6 +139,7 @@ impl Live {
             }
             self.bus.try_run_for(Time::from(span))?;
             if !input.is_empty() {
+                asked = Some(Instant::now());
                 self.bus.host(self.host).send(&input);
             }
             let heard = self.heard();

@@ -12,7 +12,7 @@ use std::thread;
 use std::time::Duration;
 
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
 use nix::sys::termios::{self, FlushArg, SetArg};
 
@@ -79,9 +79,8 @@ impl Terminal {
             // Without a client poll returns at once.
             thread::sleep(tick);
         }
-        let timeout = PollTimeout::try_from(tick).unwrap_or(PollTimeout::ZERO);
         let mut fds = [PollFd::new(self.master.as_fd(), PollFlags::POLLIN)];
-        match poll(&mut fds, timeout) {
+        match ppoll(&mut fds, Some(tick.into()), None) {
             // A signal: the caller looks at what it meant.
             Err(nix::Error::EINTR) => return Ok(Vec::new()),
             result => result?,

@@ -15,7 +15,7 @@ use std::ffi::{c_int, c_void};
 use std::ptr::NonNull;
 
 use simavr_ffi::{
-    avr_cycle_timer_process, avr_flashaddr_t, avr_init, avr_io_addr_t, avr_irq_register_notify,
+    avr_cycle_timer_process, avr_flashaddr_t, avr_init, avr_io_addr_t, avr_io_t, avr_irq_register_notify,
     avr_irq_t, avr_loadcode, avr_make_mcu_by_name, avr_reset, avr_service_interrupts, avr_t,
     avr_terminate, bit_cb, cpu_Running, cpu_Sleeping,
 };
@@ -39,6 +39,9 @@ const SREG_I: usize = 7;
 /// Addresses of the stack pointer in data memory.
 const SPL: usize = 0x5d;
 
+/// What the core asks of its peripherals for `wdr`: AVR_IOCTL_WATCHDOG_RESET of `avr_watchdog.h`.
+const WATCHDOG_RESET: u32 = u32::from_be_bytes(*b"wdtr");
+
 /// Index of the invalid-opcode signal among simavr's core signals.
 const BAD_OPCODE: usize = 0;
 
@@ -57,6 +60,8 @@ pub(crate) trait Peripherals: 'static {
     fn write(&mut self, address: u16, value: u8, at: u64) -> u64;
     /// The same of one bit of a register of [`SINGLE_BIT`](Self::SINGLE_BIT), set or cleared.
     fn write_bit(&mut self, address: u16, bit: u8, set: bool, at: u64) -> u64;
+    /// `wdr`, in cycle `at`.
+    fn watchdog_reset(&mut self, at: u64);
     /// The core met an opcode it does not know.
     fn bad_opcode(&mut self);
 }
@@ -71,6 +76,15 @@ pub(crate) struct Core<P: Peripherals> {
     avr: NonNull<avr_t>,
     periph: NonNull<P>,
     saved_bit_io: [bit_cb; 32],
+    /// In front of simavr's peripherals, so that `wdr` is asked of it first.
+    module: NonNull<Module<P>>,
+}
+
+/// A peripheral as simavr knows it.
+#[repr(C)]
+struct Module<P> {
+    io: avr_io_t,
+    periph: NonNull<P>,
 }
 
 /// What a burst of instructions ended with.
@@ -127,10 +141,24 @@ impl<P: Peripherals> Core<P> {
             avr_irq_register_notify((*a).irq.add(BAD_OPCODE), Some(on_bad_opcode::<P>), param);
             saved
         };
+        let module = NonNull::from(Box::leak(Box::new(Module {
+            // SAFETY: a structure of pointers, numbers and optional functions, for all of which zero is a value.
+            io: unsafe { std::mem::zeroed() },
+            periph,
+        })));
+        // SAFETY: both are valid. The list goes on behind the new head, which stays where it is until `drop` takes it out.
+        unsafe {
+            let io = &raw mut (*module.as_ptr()).io;
+            (*io).avr = avr.as_ptr();
+            (*io).ioctl = Some(on_ioctl::<P>);
+            (*io).next = (*avr.as_ptr()).io_port;
+            (*avr.as_ptr()).io_port = io;
+        }
         Some(Core {
             avr,
             periph,
             saved_bit_io,
+            module,
         })
     }
 
@@ -291,10 +319,11 @@ impl<P: Peripherals> Core<P> {
         state == cpu_Running as c_int || state == cpu_Sleeping as c_int
     }
 
-    /// A reset; `cycle` goes on counting. `mcusr` becomes the reset flags (DS40002061B, 11.9.1).
-    pub fn reset(&mut self, mcusr: u8) {
+    /// A reset; `cycle` goes on counting.
+    pub fn reset(&mut self) {
         let cycle = self.cycle();
-        self.data_mut()[0x54] = mcusr;
+        // simavr's own watchdog would start with the flag of a watchdog reset.
+        self.data_mut()[0x54] = 0;
         // SAFETY: `avr` is valid and no reference into it is alive.
         unsafe { avr_reset(self.avr()) }
         self.set_cycle(cycle);
@@ -327,6 +356,8 @@ impl<P: Peripherals> Drop for Core<P> {
         // avr_core_allocate.
         unsafe {
             (*self.avr()).bit_io = self.saved_bit_io;
+            (*self.avr()).io_port = (*self.module.as_ptr()).io.next;
+            drop(Box::from_raw(self.module.as_ptr()));
             avr_terminate(self.avr());
             free(self.avr().cast());
             drop(Box::from_raw(self.periph.as_ptr()));
@@ -393,6 +424,23 @@ unsafe extern "C" fn on_bit_write<P: Peripherals>(
         (*avr).run_cycle_count = 0;
     }
     1
+}
+
+unsafe extern "C" fn on_ioctl<P: Peripherals>(
+    io: *mut avr_io_t,
+    ctl: u32,
+    _param: *mut c_void,
+) -> c_int {
+    if ctl != WATCHDOG_RESET {
+        return -1;
+    }
+    // SAFETY: called from avr_run_one inside `Core::run`; `io` is the first field of the core's own module, and no other
+    // reference to its `periph` is alive.
+    unsafe {
+        let at = (*(*io).avr).cycle;
+        (*(*io.cast::<Module<P>>()).periph.as_ptr()).watchdog_reset(at + 1);
+    }
+    0
 }
 
 unsafe extern "C" fn on_bad_opcode<P: Peripherals>(

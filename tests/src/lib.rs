@@ -43,6 +43,7 @@ mod time;
 mod timer1;
 mod usart;
 mod vcd;
+mod watchdog;
 mod wire;
 
 pub use bus::{Answer, Bus, BusConfig, WireId};

@@ -16,6 +16,7 @@ use crate::gpio::{Level, Pin};
 use crate::peripherals::{Nano328, Output};
 use crate::time::{Clock, Time};
 use crate::usart::TxPhase;
+use crate::watchdog::{WDRF, Watchdog};
 
 /// Cycles from the acceptance of an interrupt to the first instruction of its vector (7.7.1).
 const RESPONSE: u64 = 4;
@@ -116,7 +117,7 @@ impl Node {
         let mut pins = config.watch.clone();
         pins.extend(config.de);
         let eeprom = Eeprom::new(config.clock_hz, &image.eeprom);
-        let periph = Nano328::new(config.tx_phase, &pins, eeprom);
+        let periph = Nano328::new(config.tx_phase, &pins, eeprom, Watchdog::new(config.clock_hz));
         let core = Core::new(periph, &image.flash, config.clock_hz).ok_or(BusError::NoCore)?;
         let mut node = Node {
             clock: Clock::new(config.clock_hz, config.clock_ppm),
@@ -137,15 +138,15 @@ impl Node {
     fn restart(&mut self, now: Time, mcusr: u8) {
         let cycle = self.clock.tick_at_or_after(now).max(self.core.cycle());
         self.core.set_cycle(cycle);
-        self.core.reset(mcusr);
-        self.core.periph_mut().reset(cycle);
+        self.core.reset();
+        self.core.periph_mut().reset(cycle, mcusr);
         self.shadow = false;
         self.running.clear();
     }
 
     pub(crate) fn reset(&mut self, now: Time) {
         self.settle(now);
-        let mcusr = self.core.data()[0x54];
+        let mcusr = self.core.periph().watchdog.mcusr();
         self.restart(now, mcusr | EXTRF);
     }
 
@@ -222,15 +223,12 @@ impl Node {
         if self.core.periph().next_event() <= now {
             self.core.periph_mut().sync(now);
         }
+        if self.core.periph().watchdog.bites() {
+            let mcusr = self.core.periph().watchdog.mcusr();
+            self.restart(self.clock.time(now), mcusr | WDRF);
+        }
         if self.core.next_timer() <= now {
             self.core.process_timers();
-            if self.core.cycle() < now {
-                // simavr's watchdog has reset the core and put its cycle count to zero.
-                self.core.set_cycle(now);
-                self.core.periph_mut().reset(now);
-                self.shadow = false;
-                self.running.clear();
-            }
         }
     }
 

@@ -1,10 +1,11 @@
-//! The registers that replace simavr's: USART0, Timer1, EEPROM and the ports, and what they put out.
+//! The registers that replace simavr's: USART0, Timer1, EEPROM, watchdog and the ports, and what they put out.
 
 use crate::eeprom::Eeprom;
 use crate::ffi::Peripherals;
 use crate::gpio::{Gpio, Level, Pin};
 use crate::timer1::Timer1;
 use crate::usart::{TxFrame, TxPhase, Usart};
+use crate::watchdog::Watchdog;
 
 /// Something a node does to the outside, at a cycle of its own clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +39,7 @@ pub(crate) struct Nano328 {
     pub timer: Timer1,
     pub gpio: Gpio,
     pub eeprom: Eeprom,
+    pub watchdog: Watchdog,
     watched: Vec<Watched>,
     txd: bool,
     outputs: Vec<Output>,
@@ -45,7 +47,7 @@ pub(crate) struct Nano328 {
 }
 
 impl Nano328 {
-    pub fn new(phase: TxPhase, pins: &[Pin], eeprom: Eeprom) -> Self {
+    pub fn new(phase: TxPhase, pins: &[Pin], eeprom: Eeprom, watchdog: Watchdog) -> Self {
         let mut all = pins.to_vec();
         all.sort_unstable();
         all.dedup();
@@ -54,6 +56,7 @@ impl Nano328 {
             timer: Timer1::default(),
             gpio: Gpio::new(),
             eeprom,
+            watchdog,
             watched: all
                 .into_iter()
                 .map(|pin| Watched {
@@ -67,8 +70,9 @@ impl Nano328 {
         }
     }
 
-    /// Reset (or loss of power) at `at`: every pin floats.
-    pub fn reset(&mut self, at: u64) {
+    /// Reset (or loss of power) at `at`, which leaves these flags in MCUSR: every pin floats.
+    pub fn reset(&mut self, at: u64, mcusr: u8) {
+        self.watchdog.reset(at, mcusr);
         self.usart.reset(at);
         self.timer.reset(at);
         self.gpio.reset(at);
@@ -92,6 +96,7 @@ impl Nano328 {
             .min(self.timer.next_event())
             .min(self.gpio.next_event())
             .min(self.eeprom.next_event())
+            .min(self.watchdog.next_event())
     }
 
     pub fn sync(&mut self, t: u64) {
@@ -99,12 +104,14 @@ impl Nano328 {
         self.timer.sync(t);
         self.usart.sync(t);
         self.eeprom.sync(t);
+        self.watchdog.sync(t);
     }
 
     /// The lowest vector asked for, which is the one with the highest priority (7.7).
     pub fn vector(&self) -> Option<u8> {
         self.gpio
             .vector()
+            .or_else(|| self.watchdog.vector())
             .or_else(|| self.timer.vector())
             .or_else(|| self.usart.vector())
             .or_else(|| self.eeprom.vector())
@@ -114,6 +121,7 @@ impl Nano328 {
         self.gpio.acknowledge(vector);
         self.timer.acknowledge(vector);
         self.usart.acknowledge(vector);
+        self.watchdog.acknowledge(vector);
     }
 
     pub fn has_outputs(&self) -> bool {
@@ -156,6 +164,7 @@ impl Peripherals for Nano328 {
         0x8b, // T1
         0xc0, 0xc1, 0xc2, 0xc4, 0xc5, 0xc6, // USART0
         0x3f, 0x40, 0x41, 0x42, // EEPROM
+        0x54, 0x60, // MCUSR and watchdog
     ];
     const SINGLE_BIT: &'static [u16] = &[0x23, 0x26, 0x29, 0x36, 0x3b, 0x3c, 0x3f];
 
@@ -164,6 +173,7 @@ impl Peripherals for Nano328 {
             0xc0..=0xc6 => self.usart.read(address, at),
             0x36 | 0x43 | 0x6f | 0x80..=0x8b => self.timer.read(address, at),
             0x3f..=0x42 => self.eeprom.read(address, at),
+            0x54 | 0x60 => self.watchdog.read(address, at),
             _ => self.gpio.read(address, at),
         }
     }
@@ -180,6 +190,7 @@ impl Peripherals for Nano328 {
             }
             0x36 | 0x43 | 0x6f | 0x80..=0x8b => self.timer.write(address, value, at),
             0x3f..=0x42 => return self.eeprom.write(address, value, at),
+            0x54 | 0x60 => self.watchdog.write(address, value, at),
             _ => self.gpio.write(address, value, at),
         }
         if matches!(address, 0x23..=0x2b | 0xc1) {
@@ -195,6 +206,10 @@ impl Peripherals for Nano328 {
             (_, true) => self.write(address, 1 << bit, at),
             (_, false) => 0,
         }
+    }
+
+    fn watchdog_reset(&mut self, at: u64) {
+        self.watchdog.restart(at);
     }
 
     fn bad_opcode(&mut self) {

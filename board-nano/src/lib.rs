@@ -12,6 +12,7 @@ pub mod outputs;
 
 use embassy_avr_hal::pac;
 use embassy_avr_hal::usart::{Framings, RtuAndAscii, Settings, Usart0};
+pub use embassy_avr_hal::watchdog::Watchdog;
 use multidrop_firmware::PortConfig;
 pub use multidrop_firmware::ResetCause;
 use multidrop_firmware::line::LineError;
@@ -79,14 +80,25 @@ pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
     }
 }
 
-/// Finds out why the board has started, and gives its peripherals. The first thing in `main`.
+/// Finds out why the board has started, starts the watchdog, and gives the peripherals. The first thing in `main`.
+///
+/// Where the build is for the old boot loader, which cannot bear a watchdog, it stays off.
 ///
 /// # Panics
 /// The second time.
 #[inline(always)]
-pub fn init() -> pac::Peripherals {
+pub fn init(watchdog: Watchdog) -> pac::Peripherals {
     #[cfg(not(feature = "bare"))]
-    embassy_avr_hal::fault::find_cause();
+    {
+        embassy_avr_hal::fault::keep_cause();
+        if options::watchdog() {
+            watchdog.start();
+        } else {
+            // Perhaps the boot loader has used it.
+            embassy_avr_hal::watchdog::stop();
+        }
+    }
+    let _ = watchdog;
     pac::Peripherals::take().unwrap()
 }
 

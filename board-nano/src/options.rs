@@ -46,6 +46,18 @@ pub const fn clock(default: u32) -> u32 {
     clock
 }
 
+/// Whether the watchdog is to run: not where `MULTIDROP_BOOTLOADER` is `old`.
+pub const fn watchdog() -> bool {
+    match option_env!("MULTIDROP_BOOTLOADER") {
+        None => true,
+        Some(name) => match name.as_bytes() {
+            b"none" | b"new" => true,
+            b"old" => false,
+            _ => panic!("MULTIDROP_BOOTLOADER must be none, new or old"),
+        },
+    }
+}
+
 /// Whether `MULTIDROP_ASCII` is `1`: ASCII framing instead of RTU, for the applications that can be built for both.
 pub const fn ascii() -> bool {
     match option_env!("MULTIDROP_ASCII") {

@@ -3,9 +3,9 @@
 #![no_std]
 #![no_main]
 
-use board_stm32::options;
 use board_stm32::ports::PortSettings;
 use board_stm32::usart::Usart;
+use board_stm32::{Roll, Watchdog, options};
 use multidrop_firmware::protocol::data::{Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::format::LineFormat;
@@ -43,6 +43,9 @@ impl DataModel for Model {
     }
 }
 
+/// The watchdog sees to the executor alone.
+static ROLL: Roll<0> = Roll::new();
+
 #[embassy_executor::task(pool_size = 4)]
 async fn receive(port: &'static Port<Usart>) -> ! {
     multidrop_firmware::receive(port).await
@@ -55,7 +58,7 @@ async fn serve(port: &'static Port<Usart>, model: &'static Shared<Model>) -> ! {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let board = board_stm32::init();
+    let board = board_stm32::init(Watchdog::DEFAULT);
     let lines = [
         board.as1.open(const { PortSettings::new(&AS1) }),
         board.as2.open(const { PortSettings::new(&AS2) }),
@@ -74,7 +77,7 @@ fn main() -> ! {
     static MODEL: ConstStaticCell<Shared<Model>> =
         ConstStaticCell::new(Shared::new(Model(Bank::new(0))));
     let model = &*MODEL.take();
-    board_stm32::run(|spawner| {
+    board_stm32::run(&ROLL, |spawner| {
         for port in ports.iter() {
             spawner.spawn(receive(port).unwrap());
             spawner.spawn(serve(port, model).unwrap());

@@ -12,9 +12,9 @@
 
 use core::cell::Cell;
 
-use board_stm32::options;
 use board_stm32::ports::PortSettings;
 use board_stm32::usart::Usart;
+use board_stm32::{Roll, Watchdog, options};
 use embassy_time::{Duration, Instant, Timer};
 use multidrop_firmware::protocol::data::{Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
@@ -54,6 +54,9 @@ impl DataModel for Model {
     }
 }
 
+/// The watchdog sees to the executor alone.
+static ROLL: Roll<0> = Roll::new();
+
 #[embassy_executor::task]
 async fn receive(port: &'static Port<Usart>) -> ! {
     multidrop_firmware::receive(port).await
@@ -87,7 +90,7 @@ async fn beat(model: &'static Shared<Model>) -> ! {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let board = board_stm32::init();
+    let board = board_stm32::init(Watchdog::DEFAULT);
     board_stm32::wrap_time_in(1_000_000);
     let line = board.rs4.open(const { PortSettings::new(&RS4) });
     static PORT: StaticCell<Port<Usart>> = StaticCell::new();
@@ -97,7 +100,7 @@ fn main() -> ! {
         wrap_in_us: Cell::new(None),
     }));
     let model = &*MODEL.take();
-    board_stm32::run(|spawner| {
+    board_stm32::run(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port, model).unwrap());
         spawner.spawn(beat(model).unwrap());

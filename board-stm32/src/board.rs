@@ -7,9 +7,11 @@ use core::sync::atomic::{AtomicU8, Ordering};
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use multidrop_firmware::ResetCause;
+use multidrop_firmware::roll::Watchdog as _;
 
 use crate::ports::{As1, As2, LEDS, Port, PortSettings, Rs2, Rs4};
 use crate::usart::{Usart, registers};
+use crate::watchdog::{self, Dog, Roll, Watchdog};
 use crate::{Clock, fault, platform};
 
 /// A port not opened yet: its pins are inputs.
@@ -41,14 +43,17 @@ pub struct Board {
 /// Why the board has started, as its number; 0 before [`init`].
 static CAUSE: AtomicU8 = AtomicU8::new(0);
 
-/// Starts clocks, timers and interrupts. The first thing in `main`.
+/// Starts the watchdog, clocks, timers and interrupts. The first thing in `main`.
 ///
 /// # Panics
 /// The second time.
-pub fn init() -> Board {
+pub fn init(watchdog: Watchdog) -> Board {
     assert!(CAUSE.load(Ordering::Relaxed) == 0);
     let cause = fault::cause();
     CAUSE.store(cause as u8, Ordering::Relaxed);
+    if Dog::IS_ON {
+        watchdog::start(watchdog);
+    }
     registers::enable_clocks();
     platform::init();
     crate::info!("started: {}", cause.name());
@@ -70,12 +75,18 @@ pub fn clock() -> Clock {
     platform::clock()
 }
 
-/// Runs tasks for ever; the CPU sleeps between them, except in QEMU. `init` spawns the first of them.
+/// Runs tasks for ever; the CPU sleeps between them, except in QEMU. `init` spawns the first of them. The watchdog is fed as long
+/// as all tasks on the roll are alive.
 ///
 /// # Panics
 /// The second time.
-pub fn run(init: impl FnOnce(Spawner)) -> ! {
-    platform::run(init)
+pub fn run<const N: usize>(roll: &'static Roll<N>, init: impl FnOnce(Spawner)) -> ! {
+    platform::run(|spawner| {
+        if Dog::IS_ON {
+            spawner.spawn(watchdog::call(roll).unwrap());
+        }
+        init(spawner);
+    })
 }
 
 /// For tests in QEMU: TIM2, which `embassy-time` counts with, goes round in so many us. Before [`run`].

@@ -36,6 +36,7 @@
 pub mod options;
 pub mod ports;
 pub mod usart;
+mod watchdog;
 
 #[cfg(target_arch = "arm")]
 mod board;
@@ -50,6 +51,9 @@ pub use board::{Board, Closed, clock, init, outputs, reset_cause, run};
 #[doc(hidden)]
 pub use board::{wrap_line_timer_in, wrap_time_in};
 pub use multidrop_firmware::ResetCause;
+pub use watchdog::Watchdog;
+#[cfg(target_arch = "arm")]
+pub use watchdog::{Dog, Roll};
 
 /// What the clocks are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

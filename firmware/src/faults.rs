@@ -8,6 +8,8 @@ use multidrop_protocol::exception::Exception;
 use multidrop_protocol::registers::within;
 use multidrop_protocol::server::DataModel;
 
+use crate::line::Line;
+use crate::port::Port;
 use crate::reset::ResetCause;
 
 /// How the unit fails.
@@ -28,9 +30,11 @@ pub enum Failure {
     LostReady = 6,
     /// The transmitter does not tell that all has left.
     LostSent = 7,
+    /// A task keeps the line's buffer.
+    Keep = 8,
 }
 
-const ALL: [Failure; 7] = [
+const ALL: [Failure; 8] = [
     Failure::Panic,
     Failure::PanicInInterrupt,
     Failure::UnhandledInterrupt,
@@ -38,6 +42,7 @@ const ALL: [Failure; 7] = [
     Failure::HangWithInterruptsOff,
     Failure::LostReady,
     Failure::LostSent,
+    Failure::Keep,
 ];
 
 /// How many registers there are from any address.
@@ -48,6 +53,15 @@ const COUNT: usize = 16;
 pub struct Faults {
     asked: &'static Asked,
     cause: ResetCause,
+}
+
+/// [`Failure::Keep`]: takes the line's buffer when it is free, and does not give it back.
+///
+/// # Cancellation
+/// Safe: then it is given back.
+pub async fn keep<L: Line, D>(port: &'static Port<L, D>) -> ! {
+    let _kept = port.line.lend().await;
+    core::future::pending().await
 }
 
 /// Tells the task that fails how.

@@ -15,9 +15,9 @@ use std::ffi::{c_int, c_void};
 use std::ptr::NonNull;
 
 use simavr_ffi::{
-    avr_cycle_timer_process, avr_flashaddr_t, avr_init, avr_io_addr_t, avr_io_t, avr_irq_register_notify,
-    avr_irq_t, avr_loadcode, avr_make_mcu_by_name, avr_reset, avr_service_interrupts, avr_t,
-    avr_terminate, bit_cb, cpu_Running, cpu_Sleeping,
+    avr_cycle_timer_process, avr_flashaddr_t, avr_init, avr_io_addr_t, avr_io_t,
+    avr_irq_register_notify, avr_irq_t, avr_loadcode, avr_make_mcu_by_name, avr_reset,
+    avr_service_interrupts, avr_t, avr_terminate, bit_cb, cpu_Running, cpu_Sleeping,
 };
 
 use crate::elf::FLASH_BYTES;

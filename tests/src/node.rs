@@ -117,7 +117,12 @@ impl Node {
         let mut pins = config.watch.clone();
         pins.extend(config.de);
         let eeprom = Eeprom::new(config.clock_hz, &image.eeprom);
-        let periph = Nano328::new(config.tx_phase, &pins, eeprom, Watchdog::new(config.clock_hz));
+        let periph = Nano328::new(
+            config.tx_phase,
+            &pins,
+            eeprom,
+            Watchdog::new(config.clock_hz),
+        );
         let core = Core::new(periph, &image.flash, config.clock_hz).ok_or(BusError::NoCore)?;
         let mut node = Node {
             clock: Clock::new(config.clock_hz, config.clock_ppm),

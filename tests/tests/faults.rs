@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::path::Path;
+
 use common::conforms::Board;
 use common::frames::{data, words};
 use common::{LINE, Runner, faults, image, on_both};
@@ -18,12 +20,16 @@ enum Failure {
     Panic = 1,
     PanicInInterrupt = 2,
     UnhandledInterrupt = 3,
+    Hang = 4,
+    HangWithInterruptsOff = 5,
     LostReady = 6,
     LostSent = 7,
+    Keep = 8,
 }
 
 /// Causes of a start, as `multidrop_firmware::ResetCause` numbers them.
 const POWER: u8 = 1;
+const WATCHDOG_RESET: u8 = 3;
 const PIN: u8 = 4;
 const FAULT: u8 = 5;
 const OTHER: u8 = 6;
@@ -50,6 +56,10 @@ struct Desk {
 
 impl Desk {
     fn new(board: Board, line: Line) -> Self {
+        Self::with(board, line, &faults(board, line))
+    }
+
+    fn with(board: Board, line: Line, image_of_unit: &Path) -> Self {
         let mut bus = Bus::new(BusConfig::default());
         let baud = line.baud.to_string();
         let options: &[&str] = if line == LINE {
@@ -61,13 +71,13 @@ impl Desk {
             .expect("a valid image");
         let unit = match board {
             Board::Nano => {
-                let unit = bus.add_image("unit", &faults(board, line));
+                let unit = bus.add_image("unit", image_of_unit);
                 unit.expect("a valid image").into()
             }
             Board::Stm32(runner) => {
                 let stm32 = Stm32 {
                     name: "unit".to_owned(),
-                    image: faults(board, line),
+                    image: image_of_unit.to_path_buf(),
                     emulator: runner.emulator(),
                     wires: [None, None, None, Some(WireId::default())],
                 };
@@ -224,32 +234,112 @@ fn the_nano_bounds_how_long_it_sends() {
     is_bounded(Board::Nano);
 }
 
-/// Without a watchdog it says nothing more.
 #[test]
 fn the_nano_lets_go_of_the_bus_when_it_panics() {
     use Failure::{Panic, PanicInInterrupt, UnhandledInterrupt};
+    starts_anew(
+        Board::Nano,
+        &[Panic, PanicInInterrupt, UnhandledInterrupt, Panic],
+    );
+}
+
+#[test]
+fn the_nano_tells_why_it_has_started() {
+    let mut desk = Desk::new(Board::Nano, LINE);
+    desk.fail(Failure::Panic);
+    desk.bus.run_for(BOOT);
+    desk.is_well(FAULT);
+    let Station::Node(node) = desk.unit else {
+        unreachable!()
+    };
+    desk.bus.reset(node);
+    desk.bus.run_for(BOOT);
+    desk.is_well(PIN);
+    desk.bus.power_cut(node);
+    desk.bus.power_up(node);
+    desk.bus.run_for(BOOT);
+    desk.is_well(POWER);
+}
+
+/// For the old boot loader there is no watchdog: the unit is silent for ever.
+#[test]
+fn the_nano_without_watchdog_is_silent_after_a_panic() {
+    use Failure::{Panic, PanicInInterrupt, UnhandledInterrupt};
     for failure in [Panic, PanicInInterrupt, UnhandledInterrupt] {
-        let mut desk = Desk::new(Board::Nano, LINE);
+        let image = image("faults", &["--bootloader", "old"]);
+        let mut desk = Desk::with(Board::Nano, LINE, &image);
         let after = desk.fail(failure);
         assert!(after < answer(LINE), "{failure:?}: driven for {after}");
-        for _ in 0..3 {
+        for _ in 0..5 {
             desk.neighbour_is_well();
-            desk.bus.run_for(BOOT);
+            desk.bus.run_for(Time::from_ms(900));
         }
-        assert_eq!(desk.ask(&words(UNIT, 3, 0, 2)), []);
+        assert_eq!(desk.ask(&words(UNIT, 3, 0, 2)), [], "{failure:?}");
         let Station::Node(node) = desk.unit else {
             unreachable!()
         };
         desk.bus.reset(node);
         desk.bus.run_for(BOOT);
         desk.is_well(FAULT);
-        desk.bus.reset(node);
-        desk.bus.run_for(BOOT);
-        desk.is_well(PIN);
-        desk.bus.power_cut(node);
-        desk.bus.power_up(node);
-        desk.bus.run_for(BOOT);
-        desk.is_well(POWER);
-        assert_eq!(desk.bus.record().conflicts(), [], "{failure:?}");
     }
+}
+
+/// The watchdog's time in the applications. That of the Nano is over between a half and the whole of it after the last time that
+/// all tasks were alive, that of the STM32 from the last feeding on, which may be up to 666 ms before.
+const WATCHDOG: Time = Time::from_s(2);
+
+/// A unit that hangs is started anew by its watchdog, and not before its time may be over.
+fn is_watched(board: Board) {
+    let mut desk = Desk::new(board, LINE);
+    // Its answer goes out by interrupts; the task that has worked it out does not come back.
+    let after = desk.fail(Failure::Hang);
+    assert!(after.saturating_sub(answer(LINE)) < ROUNDED, "{after}");
+    desk.bus.run_for(WATCHDOG / 2 - Time::from_ms(100));
+    desk.neighbour_is_well();
+    assert_eq!(desk.ask(&words(UNIT, 3, 0, 2)), []);
+    desk.bus.run_for(WATCHDOG / 2 + BOOT);
+    desk.is_well(WATCHDOG_RESET);
+    // Here nothing lets go of the bus but the reset.
+    desk.bus.clear_record();
+    let request = words(UNIT, 4, Failure::HangWithInterruptsOff as u16, 16);
+    desk.bus.host(desk.host).send(&request);
+    desk.bus.run_for(Time::from_ms(500));
+    assert!(desk.drives());
+    desk.bus.run_for(WATCHDOG + BOOT - Time::from_ms(500));
+    assert!(!desk.drives());
+    desk.bus.host(desk.host).take();
+    desk.is_well(WATCHDOG_RESET);
+}
+
+#[test]
+fn the_watchdog_of_the_nano_ends_a_hang() {
+    is_watched(Board::Nano);
+}
+
+/// QEMU has no watchdog.
+#[test]
+fn the_watchdog_of_the_stm32_ends_a_hang() {
+    is_watched(Board::Stm32(Runner::Core));
+}
+
+/// All tasks are alive, but one keeps the frame.
+fn is_missed(board: Board) {
+    let mut desk = Desk::new(board, LINE);
+    desk.fail(Failure::Keep);
+    desk.bus.run_for(WATCHDOG);
+    assert_eq!(desk.ask(&words(UNIT, 3, 0, 2)), []);
+    desk.neighbour_is_well();
+    // Two seconds that a frame may be kept for, what is between two looks, and the watchdog's time.
+    desk.bus.run_for(WATCHDOG * 2 + BOOT);
+    desk.is_well(WATCHDOG_RESET);
+}
+
+#[test]
+fn the_watchdog_of_the_nano_misses_a_frame_that_is_kept() {
+    is_missed(Board::Nano);
+}
+
+#[test]
+fn the_watchdog_of_the_stm32_misses_a_frame_that_is_kept() {
+    is_missed(Board::Stm32(Runner::Core));
 }

@@ -81,6 +81,16 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
                 .to_owned(),
             "",
         ),
+        (
+            "watchdog",
+            "const _: Watchdog = Watchdog::ms::<3000>();".to_owned(),
+            "watchdog is 3000 ms, must be 32, 64, 125, 250, 500, 1000, 2000, 4000 or 8000",
+        ),
+        (
+            "watchdog_right",
+            "const _: Watchdog = Watchdog::ms::<8000>();".to_owned(),
+            "",
+        ),
         ("right", port(".baud(38_400)"), ""),
     ]
 }
@@ -91,7 +101,7 @@ const WAITING: &str = "fn poll() {}\nfn blink() {}\n";
 const IMPORTS: &str = "#![no_std]
 #![feature(abi_avr_interrupt)]
 #![allow(unused_imports, dead_code)]
-use board_nano::settings;
+use board_nano::{Watchdog, settings};
 use embassy_avr_hal::edge::EdgeInput;
 use embassy_avr_hal::gpio::{Input, Output, PD2, PD4, Pins};
 use embassy_avr_hal::{bind_edges, bind_time};

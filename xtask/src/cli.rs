@@ -1,10 +1,10 @@
 //! The words and options of the command line, and the answer to wrong ones.
 
-use crate::image::{App, Board, Format, Options};
+use crate::image::{App, Board, Bootloader, Format, Options};
 use crate::mutants::MutantsRequest;
 use crate::sim::Scenario;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::path::PathBuf;
 
 /// Builds, simulates, shows, tests and flashes multidrop.
@@ -118,6 +118,9 @@ pub struct ImageOptions {
     /// registers with the guards that every other application has: watchdog, stack guard, bound on DE
     #[arg(long)]
     guarded: bool,
+    /// Boot loader of the nano: build takes new and flash old if nothing is said. With old the watchdog is left out
+    #[arg(long, value_enum)]
+    bootloader: Option<Bootloader>,
     /// For the stm32 in QEMU, as the simulated bus runs it
     #[arg(long)]
     qemu: bool,
@@ -133,6 +136,7 @@ impl From<&ImageOptions> for Options {
             clock: given.clock,
             ascii: given.ascii,
             guarded: given.guarded,
+            bootloader: given.bootloader,
             qemu: given.qemu,
         }
     }
@@ -182,18 +186,6 @@ pub struct FlashRequest {
     /// The serial port of the board; found by itself where there is only one.
     #[arg(long, value_name = "TTY")]
     pub port: Option<PathBuf>,
-    /// The boot loader in the Nano, which sets the speed: old 57600 baud, new 115200 baud.
-    #[arg(long, value_enum, default_value = "old")]
-    pub bootloader: Bootloader,
-}
-
-/// The two boot loaders that Nanos are sold with.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Bootloader {
-    /// ATmegaBOOT, 2 KB, 57600 baud: most boards
-    Old,
-    /// Optiboot, 512 bytes, 115200 baud
-    New,
 }
 
 /// Reads the command line; on a wrong word prints what is right and ends with exit code 2.

@@ -31,9 +31,16 @@ pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
         "{}",
         size::of(&repo::root().join(&elf))?.shown(image.board())
     );
+    if image.lacks_watchdog() {
+        println!("{WITHOUT_WATCHDOG}");
+    }
     println!("image: {}", elf.display());
     Ok(())
 }
+
+/// What is said of an image for the old boot loader.
+pub const WITHOUT_WATCHDOG: &str =
+    "without watchdog: the old boot loader would start again and again after a reset by it";
 
 /// `example`: an example of the Nano's HAL or of the STM32's board, and its path on the last line.
 ///

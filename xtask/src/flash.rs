@@ -1,9 +1,9 @@
 //! `flash`: writes an image to a Nano through its boot loader, or to an STM32 through a debug probe.
 
-use crate::cli::{Bootloader, FlashRequest};
+use crate::cli::FlashRequest;
 use crate::error::Error;
-use crate::firmware::Builder;
-use crate::image::{Board, Image};
+use crate::firmware::{Builder, WITHOUT_WATCHDOG};
+use crate::image::{Board, Bootloader, Image};
 use crate::needs::Purpose;
 use crate::{repo, setup};
 use std::path::{Path, PathBuf};
@@ -39,19 +39,21 @@ pub fn run(request: &FlashRequest) -> Result<(), Error> {
         Some(port) => given(port)?,
         None => choose(serial_ports())?,
     };
+    let bootloader = image.bootloader().unwrap_or(Bootloader::Old);
+    let (baud, other) = speed(bootloader)?;
+    let image = image.with_bootloader(bootloader);
     setup::require(&[Purpose::Firmware, Purpose::Avr])?;
     let hex = Builder::new()?.build(&image)?.with_extension("hex");
+    if image.lacks_watchdog() {
+        println!("{WITHOUT_WATCHDOG}");
+    }
     let mut avrdude = Command::new(avrdude);
-    avrdude.args(arguments(request.bootloader, &port, &hex));
+    avrdude.args(arguments(baud, &port, &hex));
     println!("> {}", repo::shown(&avrdude));
     repo::run(&mut avrdude).map_err(|error| {
         Error::failed(format!(
-            "{}\nIf the board does not answer, try --bootloader {}",
-            error.message(),
-            match request.bootloader {
-                Bootloader::Old => "new",
-                Bootloader::New => "old",
-            }
+            "{}\nIf the board does not answer, try --bootloader {other}",
+            error.message()
         ))
     })
 }
@@ -127,12 +129,19 @@ fn serial_ports() -> Vec<PathBuf> {
         .collect()
 }
 
+/// The baud rate of a boot loader, and the other one there is.
+fn speed(bootloader: Bootloader) -> Result<(&'static str, &'static str), Error> {
+    match bootloader {
+        Bootloader::Old => Ok(("57600", "new")),
+        Bootloader::New => Ok(("115200", "old")),
+        Bootloader::None => Err(Error::usage(
+            "--bootloader none: flash writes through a boot loader; build the image and write its .hex with a programmer",
+        )),
+    }
+}
+
 /// `-D`: the boot loader erases page by page and cannot erase the chip.
-fn arguments(bootloader: Bootloader, port: &Path, hex: &Path) -> Vec<String> {
-    let baud = match bootloader {
-        Bootloader::Old => "57600",
-        Bootloader::New => "115200",
-    };
+fn arguments(baud: &str, port: &Path, hex: &Path) -> Vec<String> {
     let port = port.display().to_string();
     let write = format!("flash:w:{}:i", hex.display());
     [
@@ -159,13 +168,15 @@ mod tests {
     #[test]
     fn the_boot_loader_sets_the_speed() {
         let line = |bootloader| {
-            arguments(bootloader, Path::new("/dev/ttyUSB0"), Path::new("a.hex")).join(" ")
+            let (baud, _) = speed(bootloader).unwrap();
+            arguments(baud, Path::new("/dev/ttyUSB0"), Path::new("a.hex")).join(" ")
         };
         assert_eq!(
             line(Bootloader::Old),
             "-c arduino -p atmega328p -b 57600 -D -P /dev/ttyUSB0 -U flash:w:a.hex:i"
         );
         assert!(line(Bootloader::New).contains("-b 115200 "));
+        assert_eq!(speed(Bootloader::None).unwrap_err().code(), 2);
     }
 
     #[test]

@@ -128,6 +128,17 @@ pub enum Format {
     Bits7None2,
 }
 
+/// How an image comes into a Nano, and what has started when it does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Bootloader {
+    /// Without one, through a programmer
+    None,
+    /// Optiboot, 512 bytes, 115200 baud
+    New,
+    /// ATmegaBOOT, 2 KB, 57600 baud: most boards; it cannot bear a watchdog, which is left out
+    Old,
+}
+
 /// The word that a user types for a value.
 pub fn word(value: impl ValueEnum) -> String {
     value
@@ -154,6 +165,8 @@ pub struct Options {
     pub ascii: bool,
     /// The yardstick with the guards that every other application has.
     pub guarded: bool,
+    /// The boot loader of the Nano that it is for.
+    pub bootloader: Option<Bootloader>,
     /// For the STM32 in QEMU instead of the chip.
     pub qemu: bool,
 }
@@ -202,6 +215,11 @@ impl Image {
                 "--count: {} has tables of its own; only registers takes a count",
                 word(app)
             )));
+        }
+        if options.bootloader.is_some() && board != Board::Nano {
+            return Err(Error::usage(
+                "--bootloader: an STM32 is flashed without one; only nano has a boot loader",
+            ));
         }
         if options.guarded && app != App::Registers {
             return Err(Error::usage(format!(
@@ -258,13 +276,33 @@ impl Image {
         (!self.is_for_qemu(), features)
     }
 
+    /// The boot loader that it is for, if that was said.
+    pub fn bootloader(&self) -> Option<Bootloader> {
+        self.options.bootloader
+    }
+
+    /// The same image for a Nano with this boot loader.
+    pub fn with_bootloader(self, bootloader: Bootloader) -> Self {
+        let options = Options {
+            bootloader: Some(bootloader),
+            ..self.options
+        };
+        Self { options, ..self }
+    }
+
+    /// Whether a watchdog would be in it but for the boot loader.
+    pub fn lacks_watchdog(&self) -> bool {
+        let is_bare = self.features().1.contains(&"bare");
+        self.options.bootloader == Some(Bootloader::Old) && !is_bare
+    }
+
     /// The name of the application's binary.
     pub fn app(&self) -> String {
         word(self.app)
     }
 
     /// File name without extension: board, application, then the options that were given, in the
-    /// order unit, count, baud, format, clock, ascii, guarded, qemu.
+    /// order unit, count, baud, format, clock, ascii, guarded, bootloader, qemu.
     pub fn stem(&self) -> String {
         let mut stem = format!("{}-{}", word(self.board), word(self.app));
         for (name, value) in self.given() {
@@ -285,16 +323,24 @@ impl Image {
     /// with nothing for an option that was not given.
     pub fn environment(&self) -> Vec<(String, Option<String>)> {
         let given = self.given();
-        ["unit", "count", "baud", "format", "clock", "ascii"]
-            .into_iter()
-            .map(|name| {
-                let value = given
-                    .iter()
-                    .find(|(known, _)| *known == name)
-                    .map(|(_, value)| value.clone());
-                (format!("MULTIDROP_{}", name.to_uppercase()), value)
-            })
-            .collect()
+        [
+            "unit",
+            "count",
+            "baud",
+            "format",
+            "clock",
+            "ascii",
+            "bootloader",
+        ]
+        .into_iter()
+        .map(|name| {
+            let value = given
+                .iter()
+                .find(|(known, _)| *known == name)
+                .map(|(_, value)| value.clone());
+            (format!("MULTIDROP_{}", name.to_uppercase()), value)
+        })
+        .collect()
     }
 
     fn given(&self) -> Vec<(&'static str, String)> {
@@ -306,6 +352,7 @@ impl Image {
             clock,
             ascii,
             guarded,
+            bootloader,
             qemu,
         } = self.options;
         [
@@ -316,6 +363,7 @@ impl Image {
             ("clock", clock.map(|n| n.to_string())),
             ("ascii", ascii.then(|| "1".to_owned())),
             ("guarded", guarded.then(|| "1".to_owned())),
+            ("bootloader", bootloader.map(word)),
             ("qemu", qemu.then(|| "1".to_owned())),
         ]
         .into_iter()
@@ -428,8 +476,39 @@ mod tests {
                 ("MULTIDROP_FORMAT".to_owned(), None),
                 ("MULTIDROP_CLOCK".to_owned(), None),
                 ("MULTIDROP_ASCII".to_owned(), None),
+                ("MULTIDROP_BOOTLOADER".to_owned(), None),
             ]
         );
+    }
+
+    #[test]
+    fn guards_are_an_option_of_the_yardstick_and_the_boot_loader_one_of_the_nano() {
+        let guarded = Options {
+            guarded: true,
+            ..Options::default()
+        };
+        let plain = nano(App::Registers, Options::default()).unwrap();
+        assert_eq!(plain.features(), (true, vec!["bare"]));
+        let image = nano(App::Registers, guarded).unwrap();
+        assert_eq!(image.stem(), "nano-registers-guarded");
+        assert_eq!(image.features(), (true, vec![]));
+        assert!(refusal(nano(App::DemoUnit, guarded)).contains("--guarded"));
+
+        let old = nano(App::DemoUnit, Options::default())
+            .unwrap()
+            .with_bootloader(Bootloader::Old);
+        assert_eq!(old.stem(), "nano-demo-unit-bootloaderold");
+        let handed = ("MULTIDROP_BOOTLOADER".to_owned(), Some("old".to_owned()));
+        assert!(old.environment().contains(&handed) && old.lacks_watchdog());
+        assert!(!old.with_bootloader(Bootloader::New).lacks_watchdog());
+        // Nothing is left out of an image that has none.
+        assert!(!plain.with_bootloader(Bootloader::Old).lacks_watchdog());
+        let stm32 = Options {
+            bootloader: Some(Bootloader::New),
+            ..Options::default()
+        };
+        let text = refusal(Image::new(Board::Stm32, App::DemoUnit, stm32));
+        assert!(text.contains("--bootloader"), "{text}");
     }
 
     #[test]

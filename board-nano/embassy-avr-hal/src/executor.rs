@@ -11,6 +11,9 @@ use core::cell::UnsafeCell;
 
 use embassy_executor::{Spawner, raw};
 use embassy_sync::waitqueue::WakerRegistration;
+use multidrop_firmware::Roll;
+
+use crate::watchdog::Fed;
 
 use crate::edge;
 
@@ -23,6 +26,10 @@ const WORK: u8 = 1 << 0;
 pub(crate) const TIME: u8 = 1 << 3;
 /// An edge has come that a task waits for.
 pub(crate) const EDGE: u8 = 1 << 4;
+
+/// The bit of the flag by which the watchdog's interrupt has the roll called.
+#[cfg(not(feature = "bare"))]
+pub(crate) const ROLL_BIT: u8 = 4;
 
 /// Sets one flag.
 #[inline(always)]
@@ -83,6 +90,25 @@ fn pender(_context: *mut ()) {
 /// To be called once, from `main`.
 pub fn run(init: impl FnOnce(Spawner)) -> ! {
     run_with(init, |_| ())
+}
+
+/// The same, and the watchdog's interrupt has `roll` called.
+#[inline(always)]
+pub fn run_on_roll<W: Fed, const N: usize>(
+    roll: &'static Roll<W, N>,
+    init: impl FnOnce(Spawner),
+) -> ! {
+    run_with(init, |flags| see_to_roll(roll, flags))
+}
+
+/// Calls the roll if that is asked for.
+#[inline(always)]
+pub(crate) fn see_to_roll<W: Fed, const N: usize>(roll: &Roll<W, N>, flags: u8) {
+    #[cfg(not(feature = "bare"))]
+    if W::IS_ON && flags & 1 << ROLL_BIT != 0 {
+        roll.call();
+    }
+    let _ = (roll, flags);
 }
 
 /// The same, and `see_to` is given the flags before tasks are run.

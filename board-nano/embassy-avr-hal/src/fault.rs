@@ -24,10 +24,10 @@ const WDRF: u8 = 1 << 3;
 /// What is kept through a reset: RAM keeps its contents, and the start-up code leaves `.noinit` alone.
 #[repr(C)]
 struct Kept {
-    /// [`FAULT`] if the program has reset the chip.
+    /// [`FAULT`] if the program has reset the chip; half of it once that was looked at.
     fault: u8,
-    /// r2 at the start; once it was looked at the number of the [`ResetCause`].
-    cause: u8,
+    /// r2 at the start; then MCUSR if that had flags.
+    flags: u8,
 }
 
 unsafe extern "C" {
@@ -46,8 +46,8 @@ global_asm!(
     ".text",
 );
 
-/// Not what RAM has by chance after power-up, where that can be told.
-const FAULT: u8 = 0xFA;
+/// See [`Kept::fault`].
+const FAULT: u8 = 2;
 
 /// [`Kept::fault`].
 #[inline(always)]
@@ -56,11 +56,11 @@ fn fault() -> *mut u8 {
     unsafe { &raw mut embassy_avr_hal_kept.fault }
 }
 
-/// [`Kept::cause`].
+/// [`Kept::flags`].
 #[inline(always)]
-fn kept_cause() -> *mut u8 {
+fn kept_flags() -> *mut u8 {
     // SAFETY: as above.
-    unsafe { &raw mut embassy_avr_hal_kept.cause }
+    unsafe { &raw mut embassy_avr_hal_kept.flags }
 }
 
 /// `abort`: takes the driver off the bus, keeps that this was why, and has the watchdog reset the chip in 16 ms if it
@@ -79,28 +79,39 @@ pub fn abort<DE: DriverEnable>() -> ! {
     }
 }
 
-/// Finds out why the chip has started, for [`reset_cause`]. Once, at the start of `main`. Clears the flags, so that the next
-/// start does not find them; the watchdog cannot be set or stopped before (DS 11.9.2, WDE).
-pub fn find_cause() {
-    // SAFETY: MCUSR holds nothing but these flags; `main` is alone.
-    let flags = unsafe {
+/// Keeps why the chip has started, for [`reset_cause`]. Once, at the start of `main`. Clears the flags, so that the next start does
+/// not find them; the watchdog cannot be set or stopped before (DS 11.9.2, WDE).
+#[inline(always)]
+pub fn keep_cause() {
+    // SAFETY: MCUSR holds nothing but these flags, and `Kept` is of this module; `main` is alone. Any byte may be there.
+    unsafe {
         let flags = MCUSR.read_volatile();
         MCUSR.write_volatile(0);
-        flags
-    };
-    // SAFETY: RAM of this module, written by the start-up code; any byte may be there.
-    let (passed, was_fault) = unsafe {
+        if flags != 0 {
+            kept_flags().write_volatile(flags);
+        }
+        // Then it is 1, and 0 after the next start.
+        fault().write_volatile(fault().read_volatile() >> 1);
+    }
+}
+
+/// Why the chip has started, once [`keep_cause`] has kept it.
+pub fn reset_cause() -> ResetCause {
+    // SAFETY: RAM of this module, written by the start-up code and by `keep_cause`.
+    let (flags, was_fault) = unsafe {
         (
-            kept_cause().read_volatile(),
-            fault().read_volatile() == FAULT,
+            kept_flags().read_volatile(),
+            fault().read_volatile() == FAULT / 2,
         )
     };
-    let flags = match flags {
-        0 if passed <= PORF | EXTRF | BORF | WDRF => passed,
-        flags => flags,
+    // What r2 has by chance is no flags.
+    let flags = if flags <= PORF | EXTRF | BORF | WDRF {
+        flags
+    } else {
+        0
     };
     // After power-up RAM may be anything.
-    let cause = if flags & PORF != 0 {
+    if flags & PORF != 0 {
         ResetCause::Power
     } else if was_fault {
         ResetCause::Fault
@@ -112,16 +123,5 @@ pub fn find_cause() {
         ResetCause::Pin
     } else {
         ResetCause::Other
-    };
-    // SAFETY: RAM of this module.
-    unsafe {
-        fault().write_volatile(0);
-        kept_cause().write_volatile(cause as u8);
     }
-}
-
-/// Why the chip has started, once [`find_cause`] has found it.
-pub fn reset_cause() -> ResetCause {
-    // SAFETY: RAM of this module, initialised by `find_cause`, or any byte.
-    ResetCause::from_number(unsafe { kept_cause().read_volatile() })
 }

@@ -30,7 +30,6 @@ pub mod fault;
 pub mod gpio;
 pub mod time;
 pub mod usart;
-#[cfg(not(feature = "bare"))]
 pub mod watchdog;
 
 #[cfg(target_arch = "avr")]

@@ -19,6 +19,7 @@ use multidrop_firmware::protocol::message::Message;
 
 use crate::executor::{self, TIME};
 use crate::timer1::{self, OCF1A, PRESCALER, TOV1};
+use crate::watchdog::Fed;
 
 /// How many tasks may wait at a time, if [`bind_time!`](crate::bind_time) is not told otherwise; 8 bytes of RAM each. A task
 /// counts once, however many timers it waits for. One that finds no free slot is woken at once and tries again: it is
@@ -100,12 +101,28 @@ impl<const CLOCK_HZ: u32, const SLOTS: usize> TimeDriver<CLOCK_HZ, SLOTS> {
     /// Starts the time and runs tasks for ever, as [`executor::run`].
     #[doc(hidden)]
     pub fn run(&self, init: impl FnOnce(Spawner)) -> ! {
+        self.run_with(init, |_| ())
+    }
+
+    /// The same, as [`executor::run_on_roll`].
+    #[doc(hidden)]
+    pub fn run_on_roll<W: Fed, const N: usize>(
+        &self,
+        roll: &'static Roll<W, N>,
+        init: impl FnOnce(Spawner),
+    ) -> ! {
+        self.run_with(init, |flags| executor::see_to_roll(roll, flags))
+    }
+
+    #[inline(always)]
+    fn run_with(&self, init: impl FnOnce(Spawner), see_to: impl Fn(u8)) -> ! {
         timer1::start();
         critical_section::with(|_| timer1::enable(TOV1));
         executor::run_with(init, |flags| {
             if flags & TIME != 0 {
                 self.serve_alarms();
             }
+            see_to(flags);
         })
     }
 
@@ -311,7 +328,8 @@ macro_rules! bind_time {
         $crate::bind_time!(@driver $clock_hz, $slots, $begin);
     };
     (@driver $clock_hz:expr, $slots:expr, $begin:expr) => {
-        use time_interrupts::run_with_time;
+        #[allow(unused_imports)]
+        use time_interrupts::{run_with_time, run_with_time_on_roll};
 
         #[doc(hidden)]
         mod time_interrupts {
@@ -322,8 +340,17 @@ macro_rules! bind_time {
                     $crate::time::TimeDriver::new($begin)
             );
 
+            #[allow(dead_code)]
             pub fn run_with_time(init: impl FnOnce($crate::time::Spawner)) -> ! {
                 DRIVER.run(init)
+            }
+
+            #[allow(dead_code)]
+            pub fn run_with_time_on_roll<W: $crate::watchdog::Fed, const N: usize>(
+                roll: &'static $crate::time::Roll<W, N>,
+                init: impl FnOnce($crate::time::Spawner),
+            ) -> ! {
+                DRIVER.run_on_roll(roll, init)
             }
 
             #[unsafe(no_mangle)]
@@ -344,3 +371,5 @@ macro_rules! bind_time {
 #[doc(hidden)]
 pub use embassy_executor::Spawner;
 pub use embassy_time_driver::time_driver_impl;
+#[doc(hidden)]
+pub use multidrop_firmware::Roll;

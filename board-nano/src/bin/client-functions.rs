@@ -41,9 +41,9 @@
 #![no_main]
 #![feature(abi_avr_interrupt)]
 
-use board_nano::{CLOCK_HZ, Rs485Option as Rs485, options, settings};
+use board_nano::{CLOCK_HZ, Rs485Option as Rs485, Watchdog, options, settings};
 use embassy_avr_hal::gpio::{Output, PB5, Pins};
-use embassy_avr_hal::{bind_time, bind_usart0};
+use embassy_avr_hal::{bind_time, bind_usart0, bind_watchdog};
 use embassy_time::Timer;
 use multidrop_firmware::protocol::client::{
     Diagnostic, FileData, FileRange, GetEventCounter, GetEventLog, MaskWrite, Raw, ReadBits,
@@ -52,7 +52,7 @@ use multidrop_firmware::protocol::client::{
     WritePackedCoils, WriteRegister, WriteRegisters,
 };
 use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{ClientConfig, ClientError, ClientPort, PortConfig};
+use multidrop_firmware::{ClientConfig, ClientError, ClientPort, PortConfig, Roll, signed};
 use static_cell::StaticCell;
 
 const PORT: PortConfig = PortConfig::new("RS4")
@@ -64,7 +64,11 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .format(options::format(LineFormat::F8N1));
 
 bind_usart0!(Rs485);
+bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
 bind_time!(CLOCK_HZ);
+
+/// The task that asks comes to an end.
+static ROLL: Roll<Dog, 1> = Roll::new();
 
 /// One task asks.
 type Port = ClientPort<Rs485, 1>;
@@ -275,7 +279,11 @@ fn first_object(request: &ReadIdentification, frame: &[u8], letter: u8) -> bool 
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
-    multidrop_firmware::client_receive(port).await
+    signed(
+        |task| ROLL.sign::<0>(task),
+        multidrop_firmware::client_receive(port),
+    )
+    .await
 }
 
 #[embassy_executor::task]
@@ -301,7 +309,7 @@ async fn ask(port: &'static Port, mut led: Output<PB5>) {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = board_nano::init();
+    let chip = board_nano::init(Dog::TIME);
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,
@@ -315,7 +323,7 @@ fn main() -> ! {
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line));
     let led = Output::new(pins.PB5, false);
-    run_with_time(|spawner| {
+    run_with_time_on_roll(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(ask(port, led).unwrap());
     })

@@ -3,12 +3,12 @@
 #![no_main]
 #![feature(abi_avr_interrupt)]
 
-use board_nano::{Rs485Option as Rs485, options, settings};
-use embassy_avr_hal::{bind_usart0, executor, gpio::Pins};
+use board_nano::{Rs485Option as Rs485, Watchdog, options, settings};
+use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins};
 use multidrop_firmware::conformance::{Conformance, EVENTS, UNIT};
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::protocol::server::Counted;
-use multidrop_firmware::{PortConfig, Shared};
+use multidrop_firmware::{PortConfig, Roll, Shared, signed};
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// Without files: they would take 250 bytes of stack.
@@ -22,20 +22,32 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .format(options::format(LineFormat::F8N1));
 
 bind_usart0!(Rs485);
+bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
+
+/// The tasks that have to be alive.
+static ROLL: Roll<Dog, 2> = Roll::new();
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
-    multidrop_firmware::receive(port).await
+    signed(
+        |task| ROLL.sign::<0>(task),
+        multidrop_firmware::receive(port),
+    )
+    .await
 }
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port, model: &'static Model) -> ! {
-    multidrop_firmware::serve(port, model).await
+    signed(
+        |task| ROLL.sign::<1>(task),
+        multidrop_firmware::serve(port, model),
+    )
+    .await
 }
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = board_nano::init();
+    let chip = board_nano::init(Dog::TIME);
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,
@@ -52,7 +64,7 @@ fn main() -> ! {
     static MODEL: ConstStaticCell<Model> =
         ConstStaticCell::new(Shared::new(Conformance::new("nano")));
     let model = MODEL.take();
-    executor::run(|spawner| {
+    executor::run_on_roll(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port, model).unwrap());
     })

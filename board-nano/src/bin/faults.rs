@@ -6,11 +6,11 @@
 
 use avr_device::asm::delay_cycles;
 use avr_device::interrupt;
-use board_nano::{CLOCK_HZ, Rs485, options, settings};
-use embassy_avr_hal::{bind_usart0, executor, gpio::Pins, pac};
-use multidrop_firmware::faults::{Asked, Failure, Faults};
+use board_nano::{CLOCK_HZ, Rs485, Watchdog, options, settings};
+use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins, pac};
+use multidrop_firmware::faults::{Asked, Failure, Faults, keep};
 use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{Port, PortConfig, Shared};
+use multidrop_firmware::{Port, PortConfig, Roll, Shared, signed};
 use static_cell::StaticCell;
 
 const BAUD: u32 = options::baud(38_400);
@@ -31,16 +31,28 @@ const TXCIE: u8 = 1 << 6;
 const UDRIE: u8 = 1 << 5;
 
 bind_usart0!(Rs485);
+bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
+
+/// The tasks that have to be alive.
+static ROLL: Roll<Dog, 3> = Roll::new();
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port<Rs485>) -> ! {
-    multidrop_firmware::receive(port).await
+    signed(
+        |task| ROLL.sign::<0>(task),
+        multidrop_firmware::receive(port),
+    )
+    .await
 }
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Rs485>, asked: &'static Asked) -> ! {
     let model = Shared::new(Faults::new(asked, board_nano::reset_cause()));
-    multidrop_firmware::serve(port, &model).await
+    signed(
+        |task| ROLL.sign::<1>(task),
+        multidrop_firmware::serve(port, &model),
+    )
+    .await
 }
 
 /// Turns interrupts of the USART off behind the line's back.
@@ -57,39 +69,43 @@ fn lose(interrupts: u8) {
 
 /// Fails as it is asked to.
 #[embassy_executor::task]
-async fn fail(asked: &'static Asked, timer0: pac::TC0, timer2: pac::TC2) -> ! {
-    loop {
-        let failure = asked.wait().await;
-        delay_cycles(INTO_THE_ANSWER);
-        match failure {
-            Failure::Panic => panic!(),
-            Failure::PanicInInterrupt => {
-                timer0.tccr0b().write(|w| w.cs0().direct());
-                timer0.timsk0().write(|w| w.toie0().set_bit());
-            }
-            Failure::UnhandledInterrupt => {
-                timer2.tccr2b().write(|w| w.cs2().direct());
-                timer2.timsk2().write(|w| w.toie2().set_bit());
-            }
-            Failure::Hang => loop {
-                avr_device::asm::nop();
-            },
-            Failure::HangWithInterruptsOff => {
-                interrupt::disable();
-                loop {
-                    avr_device::asm::nop();
+async fn fail(port: &'static Port<Rs485>, asked: &'static Asked, timer0: pac::TC0, timer2: pac::TC2) -> ! {
+    signed(|task| ROLL.sign::<2>(task), async move {
+        loop {
+            let failure = asked.wait().await;
+            delay_cycles(INTO_THE_ANSWER);
+            match failure {
+                Failure::Panic => panic!(),
+                Failure::PanicInInterrupt => {
+                    timer0.tccr0b().write(|w| w.cs0().direct());
+                    timer0.timsk0().write(|w| w.toie0().set_bit());
                 }
-            }
-            Failure::LostReady => lose(UDRIE),
-            Failure::LostSent => {
-                // Whenever the line sets it, until long after.
-                for _ in 0..400 {
-                    lose(TXCIE);
-                    delay_cycles(CHARACTER / 10);
+                Failure::UnhandledInterrupt => {
+                    timer2.tccr2b().write(|w| w.cs2().direct());
+                    timer2.timsk2().write(|w| w.toie2().set_bit());
+                }
+                Failure::Hang => loop {
+                    avr_device::asm::nop();
+                },
+                Failure::HangWithInterruptsOff => {
+                    interrupt::disable();
+                    loop {
+                        avr_device::asm::nop();
+                    }
+                }
+                Failure::LostReady => lose(UDRIE),
+                Failure::Keep => keep(port).await,
+                Failure::LostSent => {
+                    // Whenever the line sets it, until long after.
+                    for _ in 0..400 {
+                        lose(TXCIE);
+                        delay_cycles(CHARACTER / 10);
+                    }
                 }
             }
         }
-    }
+    })
+    .await
 }
 
 /// TIMER0_OVF (DS 12.4: vector 16, counted from 0).
@@ -100,7 +116,7 @@ extern "avr-interrupt" fn __vector_16() {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = board_nano::init();
+    let chip = board_nano::init(Dog::TIME);
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,
@@ -115,9 +131,9 @@ fn main() -> ! {
     let asked = ASKED.init(Asked::new());
     static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line, &PORT));
-    executor::run(|spawner| {
+    executor::run_on_roll(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port, asked).unwrap());
-        spawner.spawn(fail(asked, chip.TC0, chip.TC2).unwrap());
+        spawner.spawn(fail(port, asked, chip.TC0, chip.TC2).unwrap());
     })
 }

@@ -3,11 +3,11 @@
 #![no_main]
 #![feature(abi_avr_interrupt)]
 
-use board_nano::{Rs485, options, settings};
-use embassy_avr_hal::{bind_usart0, executor, gpio::Pins};
+use board_nano::{Rs485, Watchdog, options, settings};
+use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins};
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::yardstick::Yardstick;
-use multidrop_firmware::{Port, PortConfig, Shared};
+use multidrop_firmware::{Port, PortConfig, Roll, Shared, signed};
 use static_cell::StaticCell;
 
 /// Items in each table.
@@ -19,21 +19,33 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .format(options::format(LineFormat::F8N1));
 
 bind_usart0!(Rs485);
+bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
+
+/// The tasks that have to be alive.
+static ROLL: Roll<Dog, 2> = Roll::new();
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port<Rs485>) -> ! {
-    multidrop_firmware::receive(port).await
+    signed(
+        |task| ROLL.sign::<0>(task),
+        multidrop_firmware::receive(port),
+    )
+    .await
 }
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Rs485>) -> ! {
     let model = Shared::new(Yardstick::<COUNT, { COUNT.div_ceil(8) }>::new());
-    multidrop_firmware::serve(port, &model).await
+    signed(
+        |task| ROLL.sign::<1>(task),
+        multidrop_firmware::serve(port, &model),
+    )
+    .await
 }
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = board_nano::init();
+    let chip = board_nano::init(Dog::TIME);
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,
@@ -46,7 +58,7 @@ fn main() -> ! {
 
     static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line, &PORT));
-    executor::run(|spawner| {
+    executor::run_on_roll(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port).unwrap());
     })

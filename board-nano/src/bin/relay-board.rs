@@ -4,15 +4,15 @@
 #![no_main]
 #![feature(abi_avr_interrupt)]
 
-use board_nano::{Rs485, options, settings};
+use board_nano::{Rs485, Watchdog, options, settings};
 use embassy_avr_hal::gpio::{Pins, PortDOut};
-use embassy_avr_hal::{bind_usart0, executor};
+use embassy_avr_hal::{bind_usart0, bind_watchdog, executor};
 use multidrop_firmware::protocol::data::{Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::protocol::registers::within;
 use multidrop_firmware::protocol::server::DataModel;
-use multidrop_firmware::{Port, PortConfig, Shared};
+use multidrop_firmware::{Port, PortConfig, Roll, Shared, signed};
 use static_cell::StaticCell;
 
 const PORT: PortConfig = PortConfig::new("RS4")
@@ -85,10 +85,18 @@ fn relay(first: u16, count: usize) -> Result<u8, Exception> {
 }
 
 bind_usart0!(Rs485);
+bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
+
+/// The tasks that have to be alive.
+static ROLL: Roll<Dog, 2> = Roll::new();
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port<Rs485>) -> ! {
-    multidrop_firmware::receive(port).await
+    signed(
+        |task| ROLL.sign::<0>(task),
+        multidrop_firmware::receive(port),
+    )
+    .await
 }
 
 #[embassy_executor::task]
@@ -97,12 +105,16 @@ async fn serve(port: &'static Port<Rs485>) -> ! {
         on: 0,
         pins: PortDOut::new(0b1111 << PIN),
     });
-    multidrop_firmware::serve(port, &relays).await
+    signed(
+        |task| ROLL.sign::<1>(task),
+        multidrop_firmware::serve(port, &relays),
+    )
+    .await
 }
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = board_nano::init();
+    let chip = board_nano::init(Dog::TIME);
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,
@@ -115,7 +127,7 @@ fn main() -> ! {
 
     static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line, &PORT));
-    executor::run(|spawner| {
+    executor::run_on_roll(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port).unwrap());
     })

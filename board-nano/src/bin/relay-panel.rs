@@ -17,15 +17,15 @@
 
 use core::cell::{Cell, RefCell};
 
-use board_nano::{CLOCK_HZ, Rs485, options, settings};
+use board_nano::{CLOCK_HZ, Rs485, Watchdog, options, settings};
 use embassy_avr_hal::gpio::{Input, Output, PB5, PD3, PD4, PD5, PD6, Pins};
-use embassy_avr_hal::{bind_time, bind_usart0};
+use embassy_avr_hal::{bind_time, bind_usart0, bind_watchdog};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Ticker, with_timeout};
 use embedded_hal::digital::{InputPin, OutputPin};
 use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{Client, ClientConfig, ClientError, ClientPort, PortConfig};
+use multidrop_firmware::{Client, ClientConfig, ClientError, ClientPort, PortConfig, Roll, signed};
 use static_cell::StaticCell;
 
 /// The slave id is that of the unit that is asked.
@@ -52,6 +52,10 @@ const COUNT: usize = 2;
 const FIRST: u16 = 1;
 
 bind_usart0!(Rs485);
+bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
+
+/// The tasks that have to be alive: all.
+static ROLL: Roll<Dog, 5> = Roll::new();
 bind_time!(CLOCK_HZ, tasks = [poll, press, buttons, error]);
 
 /// Two tasks ask.
@@ -110,73 +114,89 @@ impl Panel {
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
-    multidrop_firmware::client_receive(port).await
+    signed(
+        |task| ROLL.sign::<0>(task),
+        multidrop_firmware::client_receive(port),
+    )
+    .await
 }
 
 #[embassy_executor::task]
 async fn poll(panel: &'static Panel) -> ! {
-    let mut ticker = Ticker::every(POLL);
-    loop {
-        panel.tell(panel.update().await);
-        ticker.next().await;
-    }
+    signed(|task| ROLL.sign::<2>(task), async move {
+        let mut ticker = Ticker::every(POLL);
+        loop {
+            panel.tell(panel.update().await);
+            ticker.next().await;
+        }
+    })
+    .await
 }
 
 #[embassy_executor::task]
 async fn press(panel: &'static Panel) -> ! {
-    loop {
-        let pressed = panel.pressed.wait().await;
-        for (relay, pressed) in pressed.into_iter().enumerate() {
-            if pressed {
-                panel.tell(panel.toggle(relay).await);
+    signed(|task| ROLL.sign::<1>(task), async move {
+        loop {
+            let pressed = panel.pressed.wait().await;
+            for (relay, pressed) in pressed.into_iter().enumerate() {
+                if pressed {
+                    panel.tell(panel.toggle(relay).await);
+                }
             }
         }
-    }
+    })
+    .await
 }
 
 /// Looks at the buttons. One that is pressed while the one before is still being seen to counts too.
 #[embassy_executor::task]
 async fn buttons(panel: &'static Panel, mut first: Input<PD3>, mut second: Input<PD4>) -> ! {
-    let mut ticker = Ticker::every(SAMPLE);
-    let mut before = [false; COUNT];
-    let mut down = [false; COUNT];
-    loop {
-        ticker.next().await;
-        let Ok(first) = first.is_low();
-        let Ok(second) = second.is_low();
-        let level = [first, second];
-        let mut pressed = [false; COUNT];
-        for relay in 0..COUNT {
-            if level[relay] == before[relay] {
-                pressed[relay] = level[relay] && !down[relay];
-                down[relay] = level[relay];
-            }
-        }
-        before = level;
-        if pressed.contains(&true) {
-            if let Some(waiting) = panel.pressed.try_take() {
-                for (pressed, waiting) in pressed.iter_mut().zip(waiting) {
-                    *pressed |= waiting;
+    signed(|task| ROLL.sign::<3>(task), async move {
+        let mut ticker = Ticker::every(SAMPLE);
+        let mut before = [false; COUNT];
+        let mut down = [false; COUNT];
+        loop {
+            ticker.next().await;
+            let Ok(first) = first.is_low();
+            let Ok(second) = second.is_low();
+            let level = [first, second];
+            let mut pressed = [false; COUNT];
+            for relay in 0..COUNT {
+                if level[relay] == before[relay] {
+                    pressed[relay] = level[relay] && !down[relay];
+                    down[relay] = level[relay];
                 }
             }
-            panel.pressed.signal(pressed);
+            before = level;
+            if pressed.contains(&true) {
+                if let Some(waiting) = panel.pressed.try_take() {
+                    for (pressed, waiting) in pressed.iter_mut().zip(waiting) {
+                        *pressed |= waiting;
+                    }
+                }
+                panel.pressed.signal(pressed);
+            }
         }
-    }
+    })
+    .await
 }
 
 #[embassy_executor::task]
 async fn error(panel: &'static Panel, mut led: Output<PB5>) -> ! {
-    loop {
-        panel.failed.wait().await;
-        led.high();
-        while with_timeout(ERROR_SHOWN, panel.failed.wait()).await.is_ok() {}
-        led.low();
-    }
+    signed(|task| ROLL.sign::<4>(task), async move {
+        loop {
+            panel.failed.wait().await;
+            led.high();
+            while with_timeout(ERROR_SHOWN, panel.failed.wait()).await.is_ok() {}
+            led.low();
+        }
+    })
+    .await
 }
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = board_nano::init();
+    let chip = board_nano::init(Dog::TIME);
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
     let line = Rs485::new(
         chip.USART0,
@@ -200,7 +220,7 @@ fn main() -> ! {
     let first = Input::new(pins.PD3, true);
     let second = Input::new(pins.PD4, true);
     let led = Output::new(pins.PB5, false);
-    run_with_time(|spawner| {
+    run_with_time_on_roll(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(press(panel).unwrap());
         spawner.spawn(poll(panel).unwrap());

@@ -5,11 +5,11 @@
 
 use board_stm32::ports::PortSettings;
 use board_stm32::usart::Usart;
-use board_stm32::{info, options};
+use board_stm32::{Roll, Watchdog, info, options};
 use multidrop_firmware::conformance::{Conformance, EVENTS, UNIT};
 use multidrop_firmware::protocol::format::{Framing, LineFormat};
 use multidrop_firmware::protocol::server::Counted;
-use multidrop_firmware::{PortConfig, Shared};
+use multidrop_firmware::{PortConfig, Shared, signed};
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// With 32 records in file 4.
@@ -28,19 +28,30 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .framing(FRAMING.0)
     .format(options::format(FRAMING.1));
 
+/// The tasks that have to be alive.
+static ROLL: Roll<2> = Roll::new();
+
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
-    multidrop_firmware::receive(port).await
+    signed(
+        |task| ROLL.sign::<0>(task),
+        multidrop_firmware::receive(port),
+    )
+    .await
 }
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port, model: &'static Model) -> ! {
-    multidrop_firmware::serve(port, model).await
+    signed(
+        |task| ROLL.sign::<1>(task),
+        multidrop_firmware::serve(port, model),
+    )
+    .await
 }
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let board = board_stm32::init();
+    let board = board_stm32::init(Watchdog::DEFAULT);
     let line = board.rs4.open(const { PortSettings::new(&PORT) });
     info!("conformance: unit {} on RS4", UNIT);
 
@@ -50,7 +61,7 @@ fn main() -> ! {
     static MODEL: ConstStaticCell<Model> =
         ConstStaticCell::new(Shared::new(Conformance::new("stm32")));
     let model = MODEL.take();
-    board_stm32::run(|spawner| {
+    board_stm32::run(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port, model).unwrap());
     })

@@ -4,10 +4,10 @@
 
 use board_stm32::ports::PortSettings;
 use board_stm32::usart::Usart;
-use board_stm32::{info, options, outputs};
+use board_stm32::{Roll, Watchdog, info, options, outputs};
 use multidrop_firmware::demo_unit::DemoUnit;
 use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{Port, PortConfig, Shared};
+use multidrop_firmware::{Port, PortConfig, Shared, signed};
 use static_cell::StaticCell;
 
 // Everything there is to set. A value that cannot work does not compile.
@@ -16,28 +16,39 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .baud(options::baud(38_400))
     .format(options::format(LineFormat::F8N1));
 
+/// The tasks that have to be alive.
+static ROLL: Roll<2> = Roll::new();
+
 /// Takes frames from the line.
 #[embassy_executor::task]
 async fn receive(port: &'static Port<Usart>) -> ! {
-    multidrop_firmware::receive(port).await
+    signed(
+        |task| ROLL.sign::<0>(task),
+        multidrop_firmware::receive(port),
+    )
+    .await
 }
 
 /// Answers requests.
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Usart>) -> ! {
     let unit = Shared::new(DemoUnit::new(outputs()));
-    multidrop_firmware::serve(port, &unit).await
+    signed(
+        |task| ROLL.sign::<1>(task),
+        multidrop_firmware::serve(port, &unit),
+    )
+    .await
 }
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let board = board_stm32::init();
+    let board = board_stm32::init(Watchdog::DEFAULT);
     let line = board.rs4.open(const { PortSettings::new(&PORT) });
     info!("demo-unit: unit {} on RS4", PORT.unit());
 
     static PORT_CELL: StaticCell<Port<Usart>> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line, &PORT));
-    board_stm32::run(|spawner| {
+    board_stm32::run(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port).unwrap());
     })

@@ -3,17 +3,17 @@
 #![no_std]
 #![no_main]
 
-use board_stm32::options;
 use board_stm32::ports::PortSettings;
 use board_stm32::usart::Usart;
+use board_stm32::{Roll, Watchdog, options};
 use cortex_m::peripheral::NVIC;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::pac;
 use embassy_time::{Duration, Timer};
-use multidrop_firmware::faults::{Asked, Failure, Faults};
+use multidrop_firmware::faults::{Asked, Failure, Faults, keep};
 use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{Port, PortConfig, Shared};
+use multidrop_firmware::{Port, PortConfig, Shared, signed};
 use static_cell::StaticCell;
 
 const BAUD: u32 = options::baud(38_400);
@@ -29,55 +29,70 @@ const BIT: Duration = Duration::from_micros(1_000_000_u64.div_ceil(BAUD as u64))
 /// From t1.5, when an answer is worked out, into the middle of one with 16 registers, which has 370 bits.
 const INTO_THE_ANSWER: u32 = 170;
 
+/// The tasks that have to be alive.
+static ROLL: Roll<3> = Roll::new();
+
 #[embassy_executor::task]
 async fn receive(port: &'static Port<Usart>) -> ! {
-    multidrop_firmware::receive(port).await
+    signed(
+        |task| ROLL.sign::<0>(task),
+        multidrop_firmware::receive(port),
+    )
+    .await
 }
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Usart>, asked: &'static Asked) -> ! {
     let model = Shared::new(Faults::new(asked, board_stm32::reset_cause()));
-    multidrop_firmware::serve(port, &model).await
+    signed(
+        |task| ROLL.sign::<1>(task),
+        multidrop_firmware::serve(port, &model),
+    )
+    .await
 }
 
 /// Fails as it is asked to.
 #[embassy_executor::task]
-async fn fail(asked: &'static Asked) -> ! {
-    loop {
-        let failure = asked.wait().await;
-        Timer::after(BIT * INTO_THE_ANSWER).await;
-        match failure {
-            Failure::Panic => panic!(),
-            Failure::PanicInInterrupt => {
-                // SAFETY: its handler is below.
-                unsafe { interrupt::SPI1.enable() };
-                NVIC::pend(pac::Interrupt::SPI1);
-            }
-            Failure::UnhandledInterrupt => {
-                // SAFETY: that nobody handles it is what is asked for.
-                unsafe { interrupt::SPI2.enable() };
-                NVIC::pend(pac::Interrupt::SPI2);
-            }
-            Failure::Hang => loop {
-                cortex_m::asm::nop();
-            },
-            Failure::HangWithInterruptsOff => {
-                cortex_m::interrupt::disable();
-                loop {
-                    cortex_m::asm::nop();
+async fn fail(port: &'static Port<Usart>, asked: &'static Asked) -> ! {
+    signed(|task| ROLL.sign::<2>(task), async move {
+        loop {
+            let failure = asked.wait().await;
+            Timer::after(BIT * INTO_THE_ANSWER).await;
+            match failure {
+                Failure::Panic => panic!(),
+                Failure::PanicInInterrupt => {
+                    // SAFETY: its handler is below.
+                    unsafe { interrupt::SPI1.enable() };
+                    NVIC::pend(pac::Interrupt::SPI1);
                 }
-            }
-            // RM0090 30.6.4: TXEIE and TCIE. The port has both in the one write by which it sends.
-            Failure::LostReady => pac::UART4.cr1().modify(|w| w.set_txeie(false)),
-            Failure::LostSent => {
-                // Whenever the port sets it, until long after.
-                for _ in 0..400 {
-                    pac::UART4.cr1().modify(|w| w.set_tcie(false));
-                    Timer::after(BIT).await;
+                Failure::UnhandledInterrupt => {
+                    // SAFETY: that nobody handles it is what is asked for.
+                    unsafe { interrupt::SPI2.enable() };
+                    NVIC::pend(pac::Interrupt::SPI2);
+                }
+                Failure::Hang => loop {
+                    cortex_m::asm::nop();
+                },
+                Failure::HangWithInterruptsOff => {
+                    cortex_m::interrupt::disable();
+                    loop {
+                        cortex_m::asm::nop();
+                    }
+                }
+                // RM0090 30.6.4: TXEIE and TCIE. The port has both in the one write by which it sends.
+                Failure::LostReady => pac::UART4.cr1().modify(|w| w.set_txeie(false)),
+                Failure::Keep => keep(port).await,
+                Failure::LostSent => {
+                    // Whenever the port sets it, until long after.
+                    for _ in 0..400 {
+                        pac::UART4.cr1().modify(|w| w.set_tcie(false));
+                        Timer::after(BIT).await;
+                    }
                 }
             }
         }
-    }
+    })
+    .await
 }
 
 #[interrupt]
@@ -87,16 +102,16 @@ fn SPI1() {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let board = board_stm32::init();
+    let board = board_stm32::init(Watchdog::DEFAULT);
     let line = board.rs4.open(const { PortSettings::new(&PORT) });
 
     static ASKED: StaticCell<Asked> = StaticCell::new();
     let asked = ASKED.init(Asked::new());
     static PORT_CELL: StaticCell<Port<Usart>> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line, &PORT));
-    board_stm32::run(|spawner| {
+    board_stm32::run(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port, asked).unwrap());
-        spawner.spawn(fail(asked).unwrap());
+        spawner.spawn(fail(port, asked).unwrap());
     })
 }

@@ -24,9 +24,9 @@
 #![no_std]
 #![no_main]
 
-use board_stm32::info;
 use board_stm32::ports::PortSettings;
 use board_stm32::usart::Usart;
+use board_stm32::{Roll, Watchdog, info};
 use multidrop_firmware::protocol::data::{Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::format::{Framing, LineFormat};
@@ -35,7 +35,9 @@ use multidrop_firmware::protocol::registers::{Bank, CoilBank, NoCoils, NoRules, 
 use multidrop_firmware::protocol::server::{DataModel, Uncounted};
 use multidrop_firmware::scan::{Entry, Scan};
 use multidrop_firmware::sniff::Tap;
-use multidrop_firmware::{ManagedPort, Manager, PortConfig, Route, Router, Shared, manager};
+use multidrop_firmware::{
+    ManagedPort, Manager, PortConfig, Route, Router, Shared, manager, signed,
+};
 use static_cell::{ConstStaticCell, StaticCell};
 
 const PORTS: [PortConfig; 4] = manager::table([
@@ -147,36 +149,57 @@ impl DataModel for Told {
     }
 }
 
+/// The tasks that have to be alive: two of each port, two that route, and the one that polls.
+static ROLL: Roll<11> = Roll::new();
+
 /// The tasks of the ports.
 macro_rules! tasks {
-    ($($port:ident: $receive:ident, $run:ident($($model:ident: $type:ty)?) $function:ident;)*) => { $(
+    ($($place:literal $port:ident: $receive:ident, $run:ident($($model:ident: $type:ty)?) $function:ident;)*) => { $(
         #[embassy_executor::task]
         async fn $receive(port: &'static $port) -> ! {
-            multidrop_firmware::managed_receive(port).await
+            signed(|task| ROLL.sign::<$place>(task), multidrop_firmware::managed_receive(port)).await
         }
 
         #[embassy_executor::task]
         async fn $run(port: &'static $port $(, $model: $type)?) -> ! {
-            multidrop_firmware::$function(port $(, $model)?).await
+            let run = multidrop_firmware::$function(port $(, $model)?);
+            signed(|task| ROLL.sign::<{ $place + 1 }>(task), run).await
         }
     )* };
 }
 
 tasks! {
-    As1: as1_receive, as1_run(told: &'static Shared<Told>) managed_serve;
-    As2: as2_receive, as2_run() managed_run;
-    Rs2: rs2_receive, rs2_run() managed_run;
-    Rs4: rs4_receive, rs4_run() managed_run;
+    0 As1: as1_receive, as1_run(told: &'static Shared<Told>) managed_serve;
+    2 As2: as2_receive, as2_run() managed_run;
+    4 Rs2: rs2_receive, rs2_run() managed_run;
+    6 Rs4: rs4_receive, rs4_run() managed_run;
 }
 
-#[embassy_executor::task(pool_size = 2)]
-async fn route(router: &'static To) -> ! {
-    multidrop_firmware::route(router).await
+#[embassy_executor::task]
+async fn as1_route(router: &'static To) -> ! {
+    signed(
+        |task| ROLL.sign::<8>(task),
+        multidrop_firmware::route(router),
+    )
+    .await
+}
+
+#[embassy_executor::task]
+async fn as2_route(router: &'static To) -> ! {
+    signed(
+        |task| ROLL.sign::<9>(task),
+        multidrop_firmware::route(router),
+    )
+    .await
 }
 
 #[embassy_executor::task]
 async fn poll(port: &'static Rs4, polled: &'static Polled) -> ! {
-    polled.run(port.client_as_set()).await
+    signed(
+        |task| ROLL.sign::<10>(task),
+        polled.run(port.client_as_set()),
+    )
+    .await
 }
 
 /// Leads from these units to 1, 2 and 3 on RS4.
@@ -191,7 +214,7 @@ fn routes(rs4: &'static Rs4, units: [u8; 3]) -> [Route<Usart, ASKERS>; 3] {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let board = board_stm32::init();
+    let board = board_stm32::init(Watchdog::DEFAULT);
     let lines = (
         board.as1.open(const { PortSettings::new(&PORTS[0]) }),
         board.as2.open(const { PortSettings::new(&PORTS[1]) }),
@@ -242,13 +265,13 @@ fn main() -> ! {
         tap,
         manager: Manager::new([as1, as2, rs2, rs4]),
     }));
-    board_stm32::run(|spawner| {
+    board_stm32::run(&ROLL, |spawner| {
         spawner.spawn(as1_receive(as1).unwrap());
         spawner.spawn(as1_run(as1, told).unwrap());
-        spawner.spawn(route(as1_router).unwrap());
+        spawner.spawn(as1_route(as1_router).unwrap());
         spawner.spawn(as2_receive(as2).unwrap());
         spawner.spawn(as2_run(as2).unwrap());
-        spawner.spawn(route(as2_router).unwrap());
+        spawner.spawn(as2_route(as2_router).unwrap());
         spawner.spawn(rs2_receive(rs2).unwrap());
         spawner.spawn(rs2_run(rs2).unwrap());
         spawner.spawn(rs4_receive(rs4).unwrap());

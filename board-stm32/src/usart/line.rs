@@ -60,6 +60,19 @@ pub(crate) fn on_alarm(port: usize) {
     unsafe { &mut *SHARED[port].get() }.on_alarm();
 }
 
+/// So many ms are over since this was last called: whether no port's frame is lent for longer than the longest frame takes, and
+/// the watchdog's time.
+pub(crate) fn no_frame_is_stuck(ms: u32, time_ms: u32) -> bool {
+    critical_section::with(|_| {
+        // Each port counts, also behind one that is stuck.
+        let stuck = SHARED.iter().filter(|shared| {
+            // SAFETY: interrupts are off and this is not called from where they are too.
+            !unsafe { &mut *shared.get() }.may_keep_frame(ms, time_ms)
+        });
+        stuck.count() == 0
+    })
+}
+
 /// The line of one port.
 pub struct Usart {
     port: u8,
@@ -215,6 +228,6 @@ impl Line for Usart {
     }
 
     fn give_back(&self) {
-        self.with(|state| state.machine.give_back(&mut state.chip));
+        self.with(State::give_back);
     }
 }

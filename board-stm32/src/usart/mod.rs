@@ -25,5 +25,5 @@ mod state;
 #[cfg(target_arch = "arm")]
 pub use line::Usart;
 #[cfg(target_arch = "arm")]
-pub(crate) use line::{INTERRUPTS, on_alarm};
+pub(crate) use line::{INTERRUPTS, no_frame_is_stuck, on_alarm};
 pub use settings::Settings;

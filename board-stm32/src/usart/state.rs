@@ -57,7 +57,12 @@ impl Shared {
 pub(super) struct State {
     pub machine: LineMachine,
     pub chip: Chip,
+    /// For how many ms a frame is lent, as the watchdog sees it.
+    lent_ms: u32,
 }
+
+/// Bytes of the longest frame without its check (SER 2.5.1).
+const LONGEST: u8 = 254;
 
 /// What the transmitter is to be ready for.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -105,7 +110,28 @@ impl State {
                 receiver: WakerRegistration::new(),
                 user: WakerRegistration::new(),
             },
+            lent_ms: 0,
         }
+    }
+
+    /// [`Line::give_back`](multidrop_firmware::Line::give_back).
+    pub fn give_back(&mut self) {
+        self.machine.give_back(&mut self.chip);
+        self.lent_ms = 0;
+    }
+
+    /// So many ms are over: whether a frame that is lent may be kept still. It may for as long as the longest frame takes, and the
+    /// watchdog's time, and the ms in which it was lent.
+    pub fn may_keep_frame(&mut self, ms: u32, time_ms: u32) -> bool {
+        if !self.machine.is_lent() {
+            self.lent_ms = 0;
+            return true;
+        }
+        self.lent_ms = self.lent_ms.saturating_add(ms);
+        let settings = &self.chip.settings;
+        let characters = settings.framing.characters(LONGEST);
+        let longest_ms = settings.character / (crate::TICK_HZ / 1000) * u32::from(characters);
+        self.lent_ms <= longest_ms + u32::from(characters) + time_ms + ms
     }
 
     /// Puts settings into the USART and starts the machine anew.
@@ -269,6 +295,7 @@ impl Wire for Chip {
             Interval::ToStand => settings.to_stand,
             Interval::ToStandLessCharacter => settings.to_stand.saturating_sub(settings.character),
             Interval::ToStart => settings.to_start,
+            Interval::T3_5Then => settings.t3_5,
             Interval::Character => settings.character,
             Interval::T3_5 => {
                 self.set_alarm(platform::now().wrapping_add(settings.t3_5));

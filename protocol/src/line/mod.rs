@@ -357,15 +357,10 @@ impl LineMachine {
     #[inline(always)]
     fn cut_off<W: Wire>(&mut self, wire: &mut W) {
         self.verdict = Verdict::Late;
-        self.end_sending(wire);
-    }
-
-    #[inline(always)]
-    fn end_sending<W: Wire>(&mut self, wire: &mut W) {
         wire.listen();
         self.phase = Phase::Sent;
-        wire.alarm(Interval::T3_5);
-        wire.alarm_on();
+        // The alarm is on.
+        wire.alarm(Interval::T3_5Then);
         wire.wake_user();
     }
 
@@ -409,7 +404,11 @@ impl LineMachine {
         if !self.is_over(wire) {
             return;
         }
-        self.end_sending(wire);
+        wire.listen();
+        self.phase = Phase::Sent;
+        wire.alarm(Interval::T3_5);
+        wire.alarm_on();
+        wire.wake_user();
     }
 
     /// A good frame, which is lent by this, as its length without check bytes; or a damaged one, as its flaws.
@@ -461,6 +460,12 @@ impl LineMachine {
     #[inline]
     pub fn is_sending(&self) -> bool {
         self.phase == Phase::Sending
+    }
+
+    /// Whether a task has the buffer.
+    #[inline]
+    pub fn is_lent(&self) -> bool {
+        self.buffer == Buffer::Lent
     }
 
     /// What became of the bytes released: whether they went out, all of them; `None` while they are on the wire or will be at

@@ -18,6 +18,8 @@ pub enum Interval {
     Character,
     /// t3.5, from now.
     T3_5,
+    /// t3.5, from the moment in which the alarm went off: behind a transmission that was cut off.
+    T3_5Then,
     /// A fortieth of a second, 25 ms: a small timer cannot count the second that ASCII allows between characters.
     Fortieth,
 }

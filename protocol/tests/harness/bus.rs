@@ -475,6 +475,7 @@ impl Wire for Chip {
             Interval::ToStandLessCharacter => (self.compare, less_character),
             Interval::Character => (self.compare, settings.character),
             Interval::Fortieth => (self.compare, FORTIETH),
+            Interval::T3_5Then => unreachable!("no bound on what is sent"),
             Interval::T3_5 => (
                 self.now,
                 settings.half_stop() + settings.t3_5 + settings.blind(),

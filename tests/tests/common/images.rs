@@ -144,6 +144,16 @@ pub fn stm32_registers_at(runner: Runner, line: Line) -> PathBuf {
     for_line("stm32", "registers", options, line, LINE)
 }
 
+/// The `registers` image of the Nano for `line`, with guards.
+pub fn guarded(count: u8, line: Line) -> PathBuf {
+    let count = count.to_string();
+    let mut options = vec!["--guarded"];
+    if count != "16" {
+        options.extend(["--count", &count]);
+    }
+    for_line("nano", "registers", options, line, LINE)
+}
+
 /// The image of a unit that fails while it answers, at this rate.
 pub fn faults(board: Board, line: Line) -> PathBuf {
     let (name, fixed) = match board {

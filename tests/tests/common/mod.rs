@@ -16,7 +16,7 @@ mod rules;
 mod runner;
 
 pub use images::{
-    conformance, example, example_at, faults, image, ports, registers, stm32_example,
+    conformance, example, example_at, faults, guarded, image, ports, registers, stm32_example,
     stm32_registers, stm32_registers_at,
 };
 pub use rig::Rig;

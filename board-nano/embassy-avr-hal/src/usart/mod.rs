@@ -124,6 +124,26 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         crate::fault::abort::<DE>()
     }
 
+    /// The CPU clock, for [`bind_watchdog!`](crate::bind_watchdog).
+    #[doc(hidden)]
+    pub const CLOCK_HZ: u32 = CLOCK_HZ;
+
+    /// Half of the watchdog's time is over, for [`bind_watchdog!`](crate::bind_watchdog): whether no frame is lent for too long.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn half_is_over(half: u16) -> bool {
+        #[cfg(not(feature = "bare"))]
+        {
+            let (is_lent, longest) = with(|state| (state.machine.is_lent(), state.longest::<F>()));
+            crate::watchdog::half_is_over(half, is_lent, longest)
+        }
+        #[cfg(feature = "bare")]
+        {
+            let _ = half;
+            true
+        }
+    }
+
     /// Takes the buffer once it is free and the wire silent, or about to be.
     fn poll_buffer(&self, context: &Context) -> Poll<Frame<'_, Self>> {
         executor::USER.register(context.waker());
@@ -177,6 +197,8 @@ fn give_back<DE: DriverEnable, F: Framings>() {
     with(|state| {
         let (machine, mut wire) = state.parts::<DE, F>();
         machine.give_back(&mut wire);
+        #[cfg(not(feature = "bare"))]
+        crate::watchdog::frame_is_back();
     });
 }
 

@@ -149,6 +149,17 @@ impl State {
         set_attention(true);
     }
 
+    /// The time of the longest frame in units of 1024 ticks: 256 characters, in ASCII twice as many.
+    #[cfg(not(feature = "bare"))]
+    #[inline(always)]
+    pub fn longest<F: Framings>(&self) -> u16 {
+        // SAFETY: interrupts are off.
+        if F::ASCII && unsafe { AsciiState::get() }.is_on {
+            return self.kept.character / 2;
+        }
+        self.kept.character / 4
+    }
+
     /// A character that is not simply the next good one of an RTU frame: a byte that is to be stored.
     #[inline(always)]
     pub fn on_unusual_character<DE: DriverEnable, F: Framings>(
@@ -259,6 +270,7 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
             Interval::ToStand => kept.to_stand,
             Interval::ToStandLessCharacter => kept.to_stand.saturating_sub(kept.character),
             Interval::ToStart => kept.to_start,
+            Interval::T3_5Then => kept.t3_5,
             Interval::Character => kept.character,
             Interval::T3_5 => {
                 set_compare(timer1::now().wrapping_add(kept.t3_5));

@@ -257,6 +257,12 @@ fn images() -> Result<Vec<(String, Image)>, Error> {
         let image = Image::new(Board::Nano, app, Options::default())?;
         images.push((name.to_owned(), image));
     }
+    let guarded = Options {
+        guarded: true,
+        ..Options::default()
+    };
+    let image = Image::new(Board::Nano, App::Registers, guarded)?;
+    images.push(("registers-guarded:16:38400".to_owned(), image));
     for count in COUNTS {
         for baud in BAUDS {
             // What an application does by itself is not asked for: the images that others build too.

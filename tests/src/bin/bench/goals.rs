@@ -5,7 +5,7 @@ use std::fmt;
 use multidrop_bus::Line;
 
 use crate::figures::Figures;
-use crate::measure::{BAUDS, COUNTS};
+use crate::measure::{BAUDS, COUNTS, GUARDED};
 use crate::traffic::Shape;
 
 /// A goal, held against the worst of the images it is for.
@@ -231,6 +231,20 @@ pub fn of(figures: &Figures) -> Vec<Goal> {
     goals.extend(
         [
             (
+                "guards: flash",
+                "bytes",
+                GUARDED,
+                "guards_flash_bytes",
+                AtMost(500.0),
+            ),
+            (
+                "guards: static RAM",
+                "bytes",
+                GUARDED,
+                "guards_ram_bytes",
+                AtMost(24.0),
+            ),
+            (
                 "every function: flash",
                 "bytes",
                 "conformance",
@@ -330,6 +344,9 @@ mod tests {
             let set = set.map(|(name, value)| (name.to_owned(), value));
             figures.images.insert(image.to_owned(), Set::from(set));
         }
+        let guards = [("guards_flash_bytes", 500.0), ("guards_ram_bytes", 24.0)];
+        let guards = guards.map(|(name, value)| (name.to_owned(), value));
+        figures.images.insert(GUARDED.to_owned(), Set::from(guards));
         figures
     }
 
@@ -354,6 +371,8 @@ mod tests {
                 401.0,
                 "every function: peak stack",
             ),
+            (GUARDED, "guards_flash_bytes", 501.0, "guards: flash"),
+            (GUARDED, "guards_ram_bytes", 25.0, "guards: static RAM"),
             (
                 "client-functions",
                 "request_gap_max_us",

@@ -15,6 +15,8 @@ use crate::{functions, limits, power};
 pub const COUNTS: [u8; 2] = [16, 128];
 /// The lines at which turnaround and the rest are measured.
 pub const BAUDS: [u32; 2] = [38_400, 115_200];
+/// `registers` with 16 items and all that guards the bus against faults of the firmware.
+pub const GUARDED: &str = "registers-guarded";
 /// Exchanges from which a range is taken.
 const EXCHANGES: usize = 200;
 /// The interrupts of the line and their vectors, counted from 0 (DS40002061B, 12.1): USART_RX, USART_UDRE,
@@ -38,6 +40,8 @@ pub fn all(images: &Images<'_>, figures: &mut Figures) -> Result<(), Trouble> {
                 lines.push((image, scope.spawn(move || one(image))));
             }
         }
+        let guarded = images.app(GUARDED)?;
+        let with_guards = scope.spawn(move || one(guarded));
         let mut free = BTreeMap::new();
         for (count, thread) in COUNTS.into_iter().zip(limits) {
             free.insert(count, thread.join().expect("no panic")?);
@@ -52,6 +56,15 @@ pub fn all(images: &Images<'_>, figures: &mut Figures) -> Result<(), Trouble> {
             }
             sets.push((image.name(), set));
         }
+        let mut set = with_guards.join().expect("no panic")?;
+        let bare = images.registers(guarded.count, guarded.baud)?;
+        for (name, with, without) in [
+            ("guards_flash_bytes", guarded.flash, bare.flash),
+            ("guards_ram_bytes", guarded.ram, bare.ram),
+        ] {
+            set.insert(name.to_owned(), f64::from(with) - f64::from(without));
+        }
+        sets.push((guarded.name(), set));
         for (app, thread) in [("conformance", server), ("client-functions", client)] {
             let set = thread.join().expect("no panic")?;
             sets.push((images.app(app)?.name(), set));

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::figures::Figures;
-use crate::measure::{BAUDS, COUNTS};
+use crate::measure::{BAUDS, COUNTS, GUARDED};
 
 /// A row: what it shows, in which unit, from which figures, and what to hold it against.
 pub struct Row {
@@ -94,6 +94,12 @@ const ROWS: &[Row] = &[
     row("static RAM", "bytes", One("static_ram_bytes"))
         .goal("conformance <= 1300")
         .peer("336")
+        .brief(),
+    row("flash of the guards", "bytes", One("guards_flash_bytes"))
+        .goal("<= 500")
+        .brief(),
+    row("static RAM of the guards", "bytes", One("guards_ram_bytes"))
+        .goal("<= 24")
         .brief(),
     row("peak stack", "bytes", One("stack_peak_bytes"))
         .goal("<= 300, conformance 400")
@@ -290,7 +296,7 @@ pub fn nano() -> Table {
         .iter()
         .flat_map(|count| BAUDS.map(|baud| format!("registers-{count}@{baud}")));
     let images = ["demo-unit".to_owned()].into_iter().chain(registers);
-    let others = ["conformance", "client-functions"].map(str::to_owned);
+    let others = [GUARDED, "conformance", "client-functions"].map(str::to_owned);
     Table {
         has_peers: true,
         ..Table::new(

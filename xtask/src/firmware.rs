@@ -5,9 +5,10 @@ use crate::error::Error;
 use crate::image::{Board, Image, word};
 use crate::needs::Purpose;
 use crate::toolchain::Toolchain;
-use crate::{job, repo, setup, size};
+use crate::{job, repo, setup, size, whole};
 use std::fs::{self, File, TryLockError};
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -110,22 +111,31 @@ impl Builder {
         if fresh && elf.exists() && (hex.exists() || !has_hex) {
             return Ok(elf);
         }
+        // What stands there is of this stamp no more, should we not come to the end.
+        match fs::remove_file(&stamp) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                return Err(Error::io(stamp.display(), error));
+            }
+            _ => {}
+        }
         self.compile(image)?;
         let made = match image.board() {
             Board::Nano => format!("avr-none/release/{}.elf", image.app()),
             Board::Stm32 => format!("thumbv7em-none-eabihf/release/{}", image.app()),
         };
         let made = repo::root().join(image.board().target_dir()).join(made);
-        copy(&made, &elf)?;
+        whole::copy(&made, &elf)?;
         if has_hex {
-            job::run(
-                Command::new("avr-objcopy")
-                    // The hex file is for the flash alone; EEPROM has its own.
-                    .args(["-O", "ihex", "-R", ".eeprom"])
-                    .args([&elf, &hex]),
-            )?;
+            whole::made(&hex, |hex| {
+                job::run(
+                    Command::new("avr-objcopy")
+                        // The hex file is for the flash alone; EEPROM has its own.
+                        .args(["-O", "ihex", "-R", ".eeprom"])
+                        .args([elf.as_path(), hex]),
+                )
+            })?;
         }
-        fs::write(&stamp, key).map_err(|error| Error::io(stamp.display(), error))?;
+        whole::write(&stamp, key.as_bytes())?;
         Ok(elf)
     }
 
@@ -170,7 +180,7 @@ impl Builder {
         );
         let folder = repo::root().join("target/firmware");
         fs::create_dir_all(&folder).map_err(|error| Error::io(folder.display(), error))?;
-        copy(&repo::root().join(made), &repo::root().join(&kept))?;
+        whole::copy(&repo::root().join(made), &repo::root().join(&kept))?;
         Ok(kept.into())
     }
 
@@ -217,13 +227,6 @@ impl Builder {
         }
         Ok(format!("{:016x}\n", hasher.finish()))
     }
-}
-
-/// Copies in one step, so that a simulator never loads half an image.
-fn copy(from: &Path, to: &Path) -> Result<(), Error> {
-    let partial = to.with_extension("partial");
-    fs::copy(from, &partial).map_err(|error| Error::io(from.display(), error))?;
-    fs::rename(&partial, to).map_err(|error| Error::io(to.display(), error))
 }
 
 /// Every file below `path`, build results aside.

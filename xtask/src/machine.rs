@@ -1,7 +1,7 @@
 //! QEMU for the STM32: which one, where Debian keeps it, and the plugin that holds it in step with the bus.
 
 use crate::error::Error;
-use crate::repo;
+use crate::{repo, whole};
 use std::fs;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
@@ -148,25 +148,25 @@ pub fn compile_barrier() -> Result<(), Error> {
     let plugin = repo::root().join(PLUGIN);
     let folder = plugin.parent().expect("a file in a folder");
     fs::create_dir_all(folder).map_err(|error| Error::io(folder.display(), error))?;
-    let partial = plugin.with_extension("partial");
-    let mut compiler = Command::new("cc");
-    compiler
-        .current_dir(repo::root())
-        .args([
-            "-std=c11",
-            "-D_GNU_SOURCE",
-            "-O2",
-            "-Wall",
-            "-Wextra",
-            "-Werror",
-        ])
-        .args(["-shared", "-fPIC", "-fvisibility=hidden", SOURCE, "-o"])
-        .arg(&partial);
-    repo::run(&mut compiler)?;
     // In one step: a simulation may be running with the one before.
-    fs::rename(&partial, &plugin).map_err(|error| Error::io(PLUGIN, error))?;
+    whole::made(&plugin, |plugin| {
+        let mut compiler = Command::new("cc");
+        compiler
+            .current_dir(repo::root())
+            .args([
+                "-std=c11",
+                "-D_GNU_SOURCE",
+                "-O2",
+                "-Wall",
+                "-Wextra",
+                "-Werror",
+            ])
+            .args(["-shared", "-fPIC", "-fvisibility=hidden", SOURCE, "-o"])
+            .arg(plugin);
+        repo::run(&mut compiler)
+    })?;
     let stamp = repo::root().join(STAMP);
-    fs::write(&stamp, key().unwrap_or_default()).map_err(|error| Error::io(STAMP, error))
+    whole::write(&stamp, key().unwrap_or_default().as_bytes())
 }
 
 fn key() -> Option<String> {

@@ -24,6 +24,7 @@ mod sim;
 mod size;
 mod tally;
 mod toolchain;
+mod whole;
 
 /// The divisor arithmetic of the Nano's USART, from the crate that uses it: one source for both.
 #[path = "../../board-nano/embassy-avr-hal/src/baud.rs"]

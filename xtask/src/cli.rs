@@ -1,5 +1,6 @@
 //! The words and options of the command line, and the answer to wrong ones.
 
+use crate::fuses::Bod;
 use crate::image::{App, Board, Bootloader, Format, Options};
 use crate::mutants::MutantsRequest;
 use crate::sim::Scenario;
@@ -183,9 +184,22 @@ pub struct LineOptions {
 pub struct FlashRequest {
     #[command(flatten)]
     pub image: ImageRequest,
-    /// The serial port of the board; found by itself where there is only one.
+    /// The serial port of the board, or of the programmer; that of the board is found by itself where there is only one.
     #[arg(long, value_name = "TTY")]
     pub port: Option<PathBuf>,
+    /// Write the nano without a boot loader, through a programmer that avrdude knows: usbasp, usbtiny, avrisp2,
+    /// stk500v1 (an Arduino as programmer), ...
+    #[arg(long, value_name = "NAME")]
+    pub programmer: Option<String>,
+    /// Set the fuses of the nano first: brown-out level, a reset starts the application, EEPROM kept; shown, and asked for
+    #[arg(long)]
+    pub fuses: bool,
+    /// The brown-out level in V [default: 4.3 at 16 MHz and more, 2.7 at 8 MHz]
+    #[arg(long, value_enum, value_name = "LEVEL", requires = "fuses")]
+    pub bod: Option<Bod>,
+    /// Set the fuses without asking
+    #[arg(long, requires = "fuses")]
+    pub yes: bool,
 }
 
 /// Reads the command line; on a wrong word prints what is right and ends with exit code 2.

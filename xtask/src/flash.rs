@@ -1,33 +1,31 @@
-//! `flash`: writes an image to a Nano through its boot loader, or to an STM32 through a debug probe.
+//! `flash`: writes an image to a Nano through its boot loader or a programmer, or to an STM32 through a debug probe.
 
 use crate::cli::FlashRequest;
 use crate::error::Error;
 use crate::firmware::{Builder, WITHOUT_WATCHDOG};
+use crate::fuses::Bod;
 use crate::image::{Board, Bootloader, Image};
 use crate::needs::Purpose;
-use crate::{repo, setup};
+use crate::programmer::Programmer;
+use crate::{fuses, repo, serial, setup};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What USB serial adapters and Nanos are called in /dev on Linux and macOS.
-const PORT_NAMES: &[&str] = &[
-    "ttyUSB",
-    "ttyACM",
-    "cu.usbserial",
-    "cu.usbmodem",
-    "cu.wchusbserial",
-];
-
-/// Builds the image and has avrdude write it.
+/// Builds the image and has avrdude or probe-rs write it.
 ///
 /// # Errors
-/// [`Error::usage`] before anything is built when the image cannot be had, or avrdude or the port
-/// is missing; else what avrdude said.
+/// [`Error::usage`] before anything is built when the image cannot be had, an option is not of this board, or a program or
+/// the port is missing; else what the program said.
 pub fn run(request: &FlashRequest) -> Result<(), Error> {
     let wanted = &request.image;
     let image = Image::new(wanted.board, wanted.app, (&wanted.options).into())?;
     if wanted.board == Board::Stm32 {
         return flash_stm32(request, &image);
+    }
+    if request.fuses && request.programmer.is_none() {
+        return Err(Error::usage(
+            "--fuses: a boot loader cannot write fuses; connect a programmer, and name it with --programmer",
+        ));
     }
     let avrdude = repo::in_path("avrdude").ok_or_else(|| {
         Error::usage(
@@ -35,12 +33,48 @@ pub fn run(request: &FlashRequest) -> Result<(), Error> {
              macOS: brew install avrdude",
         )
     })?;
-    let port = match &request.port {
-        Some(port) => given(port)?,
-        None => choose(serial_ports())?,
+    match &request.programmer {
+        Some(name) => through_programmer(request, &image, avrdude, name),
+        None => through_boot_loader(request, &image, avrdude),
+    }
+}
+
+fn through_programmer(
+    request: &FlashRequest,
+    image: &Image,
+    avrdude: PathBuf,
+    name: &str,
+) -> Result<(), Error> {
+    if !matches!(image.bootloader(), None | Some(Bootloader::None)) {
+        return Err(Error::usage(
+            "--bootloader: a programmer writes without one, and erases it; --programmer takes none alone",
+        ));
+    }
+    let image = image.with_bootloader(Bootloader::None);
+    let level = || {
+        request
+            .bod
+            .map_or_else(|| Bod::of_clock(image.nano_hz()), Ok)
     };
+    let bod = request.fuses.then(level).transpose()?;
+    let programmer = Programmer::new(avrdude, name, request.port.as_deref())?;
+    setup::require(&[Purpose::Firmware, Purpose::Avr])?;
+    let hex = Builder::new()?.build(&image)?.with_extension("hex");
+    if let Some(bod) = bod {
+        // First of all: the fuse that keeps the EEPROM has to be set when the chip is erased.
+        fuses::set(&programmer, bod, request.yes)?;
+    }
+    programmer.write(&[format!("flash:w:{}:i", hex.display())])
+}
+
+fn through_boot_loader(
+    request: &FlashRequest,
+    image: &Image,
+    avrdude: PathBuf,
+) -> Result<(), Error> {
     let bootloader = image.bootloader().unwrap_or(Bootloader::Old);
     let (baud, other) = speed(bootloader)?;
+    let port = serial::port(request.port.as_deref())?;
     let image = image.with_bootloader(bootloader);
     setup::require(&[Purpose::Firmware, Purpose::Avr])?;
     let hex = Builder::new()?.build(&image)?.with_extension("hex");
@@ -65,10 +99,18 @@ fn flash_stm32(request: &FlashRequest, image: &Image) -> Result<(), Error> {
     if image.is_for_qemu() {
         return Err(Error::usage("--qemu: that image does not run on the chip"));
     }
-    if request.port.is_some() {
-        return Err(Error::usage(
-            "--port: the STM32 is flashed through a debug probe, which probe-rs finds",
-        ));
+    let given = [
+        ("--port", request.port.is_some()),
+        ("--programmer", request.programmer.is_some()),
+        ("--fuses", request.fuses),
+        ("--bod", request.bod.is_some()),
+        ("--yes", request.yes),
+    ];
+    if let Some((name, _)) = given.iter().find(|(_, is_given)| *is_given) {
+        return Err(Error::usage(format!(
+            "{name}: the STM32 is flashed through a debug probe, which probe-rs finds; flash stm32 takes the options of its \
+             images alone: --unit, --count, --baud, --format, --ascii, --guarded"
+        )));
     }
     let probe_rs = repo::in_path("probe-rs").ok_or_else(|| {
         Error::usage(
@@ -86,56 +128,13 @@ fn flash_stm32(request: &FlashRequest, image: &Image) -> Result<(), Error> {
     repo::run(&mut reset)
 }
 
-fn given(port: &Path) -> Result<PathBuf, Error> {
-    if port.exists() {
-        Ok(port.to_owned())
-    } else {
-        Err(Error::usage(format!(
-            "--port {}: there is no such port",
-            port.display()
-        )))
-    }
-}
-
-fn choose(mut ports: Vec<PathBuf>) -> Result<PathBuf, Error> {
-    ports.sort();
-    match &ports[..] {
-        [] => Err(Error::usage(
-            "no serial port of a board is found: plug the board in, or name it with --port TTY",
-        )),
-        [one] => Ok(one.clone()),
-        several => Err(Error::usage(format!(
-            "several serial ports are found; name the board's with --port: {}",
-            several
-                .iter()
-                .map(|port| port.display().to_string())
-                .collect::<Vec<_>>()
-                .join(", ")
-        ))),
-    }
-}
-
-fn serial_ports() -> Vec<PathBuf> {
-    std::fs::read_dir("/dev")
-        .into_iter()
-        .flatten()
-        .flatten()
-        .filter(|entry| {
-            let name = entry.file_name();
-            let name = name.to_string_lossy();
-            PORT_NAMES.iter().any(|known| name.starts_with(known))
-        })
-        .map(|entry| entry.path())
-        .collect()
-}
-
 /// The baud rate of a boot loader, and the other one there is.
 fn speed(bootloader: Bootloader) -> Result<(&'static str, &'static str), Error> {
     match bootloader {
         Bootloader::Old => Ok(("57600", "new")),
         Bootloader::New => Ok(("115200", "old")),
         Bootloader::None => Err(Error::usage(
-            "--bootloader none: flash writes through a boot loader; build the image and write its .hex with a programmer",
+            "--bootloader none: without one it takes a programmer; name yours with --programmer",
         )),
     }
 }
@@ -177,15 +176,5 @@ mod tests {
         );
         assert!(line(Bootloader::New).contains("-b 115200 "));
         assert_eq!(speed(Bootloader::None).unwrap_err().code(), 2);
-    }
-
-    #[test]
-    fn the_port_is_chosen_only_where_there_is_no_doubt() {
-        let port = |name: &str| PathBuf::from(name);
-        assert_eq!(choose(vec![port("a")]).unwrap(), port("a"));
-        assert!(choose(vec![]).unwrap_err().message().contains("--port"));
-        let doubt = choose(vec![port("b"), port("a")]).unwrap_err();
-        assert!(doubt.message().ends_with("a, b"));
-        assert_eq!(given(Path::new("no/such/port")).unwrap_err().code(), 2);
     }
 }

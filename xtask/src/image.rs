@@ -296,6 +296,11 @@ impl Image {
         self.options.bootloader == Some(Bootloader::Old) && !is_bare
     }
 
+    /// The CPU clock of a Nano that it is for, in Hz.
+    pub fn nano_hz(&self) -> u32 {
+        self.options.clock.unwrap_or(NANO_HZ)
+    }
+
     /// The name of the application's binary.
     pub fn app(&self) -> String {
         word(self.app)

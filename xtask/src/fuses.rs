@@ -18,7 +18,7 @@ const BOOTRST: u8 = 1 << 0;
 /// Of the extended fuse byte (Table 28-6).
 const BODLEVEL: u8 = 0b111;
 
-/// The supply below which the chip is held in reset, typically (29.5, BODLEVEL Fuse Coding).
+/// The supply below which the chip is held in reset, typically (System and Reset Characteristics, BODLEVEL Fuse Coding).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Bod {
     /// 4.3 V: for 5 V and clocks above 10 MHz

@@ -11,7 +11,7 @@ pub mod options;
 pub mod outputs;
 
 use embassy_avr_hal::pac;
-use embassy_avr_hal::usart::{Framings, RtuAndAscii, Settings, Usart0};
+use embassy_avr_hal::usart::{Delayed, Framings, RtuAndAscii, RtuOnly, Settings, Usart0};
 pub use embassy_avr_hal::watchdog::Watchdog;
 use multidrop_firmware::PortConfig;
 pub use multidrop_firmware::ResetCause;
@@ -35,6 +35,9 @@ pub type Rs485 = Usart0<De, CLOCK_HZ>;
 /// The same, for a port that speaks ASCII, at times or always.
 pub type Rs485Ascii = Usart0<De, CLOCK_HZ, RtuAndAscii>;
 
+/// The same as [`Rs485`], for a port whose DE goes up before its answer (DE_LEAD) or whose answer waits (RESPONSE_DELAY).
+pub type Rs485Delayed = Usart0<De, CLOCK_HZ, Delayed<RtuOnly>>;
+
 /// The same, for an application that can be built for either: with ASCII where [`options::ascii`] asks for it.
 pub type Rs485Option = Usart0<De, CLOCK_HZ, OptionFramings>;
 
@@ -43,6 +46,7 @@ pub enum OptionFramings {}
 
 impl Framings for OptionFramings {
     const ASCII: bool = options::ascii();
+    type Delays = ();
 }
 
 /// Line settings of a port at the Nano's clock, for a `const`: what the chip cannot do stops the
@@ -72,6 +76,11 @@ pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
             "must be 0 (none): the ATmega328P has no RTS and CTS",
             None,
         ),
+        Err(LineError::Delay) => Message::new()
+            .text("port ")
+            .text(port.name())
+            .text(": de_lead_us and response_delay_ms must be 0 on a line of type Rs485; Rs485Delayed has both")
+            .fail(),
         Err(LineError::Framing(_)) => Message::new()
             .text("port ")
             .text(port.name())

@@ -248,8 +248,10 @@ impl<P: Port> PortSettings<P> {
                 "the clock does not make it within 2.5 %, or the CPU cannot follow",
                 Some(nearest),
             ),
-            // `PortConfig` has checked the first; the line has all framings, and the pins were looked at above.
-            Err(LineError::Format(_) | LineError::Framing(_) | LineError::Flow) => port.wrong(
+            // `PortConfig` has checked the first; the line has all framings and delays, and the pins were looked at above.
+            Err(
+                LineError::Format(_) | LineError::Framing(_) | LineError::Flow | LineError::Delay,
+            ) => port.wrong(
                 "format: data bits",
                 line.format.data_bits() as u32,
                 "must be 8 for RTU",

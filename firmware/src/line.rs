@@ -75,6 +75,8 @@ pub enum LineError {
     Framing(Framing),
     /// The port has no RTS and CTS, or was not set up with them.
     Flow,
+    /// The line was built without delays before an answer (DE_LEAD, RESPONSE_DELAY).
+    Delay,
 }
 
 /// Bytes that [`Line::transmit`] cannot send. The caller's error; nothing was sent.

@@ -41,6 +41,19 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
             "port RS4: flow is 1, must be 0 (none): the ATmega328P has no RTS and CTS",
         ),
         (
+            "delay",
+            port(".baud(38_400).de_lead_us(100)"),
+            "port RS4: de_lead_us and response_delay_ms must be 0 on a line of type Rs485; Rs485Delayed has both",
+        ),
+        (
+            "delayed",
+            format!(
+                "{PORT}.baud(38_400).de_lead_us(100).response_delay_ms(50);\n\
+                 const _: Settings<Delayed<RtuOnly>> = settings(&PORT);"
+            ),
+            "",
+        ),
+        (
             "pin_twice",
             "pub fn take(pins: Pins) -> (Output<PD2>, Input<PD2>) {\n    \
              (Output::new(pins.PD2, false), Input::new(pins.PD2, true))\n}"
@@ -105,7 +118,7 @@ use board_nano::{Watchdog, settings};
 use embassy_avr_hal::edge::EdgeInput;
 use embassy_avr_hal::gpio::{Input, Output, PD2, PD4, Pins};
 use embassy_avr_hal::{bind_edges, bind_time};
-use embassy_avr_hal::usart::{RtuOnly, Settings};
+use embassy_avr_hal::usart::{Delayed, RtuOnly, Settings};
 use multidrop_firmware::PortConfig;
 use multidrop_firmware::protocol::format::Framing;
 use multidrop_firmware::protocol::port_registers::{Duplex, Flow};

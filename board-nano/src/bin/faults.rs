@@ -69,7 +69,12 @@ fn lose(interrupts: u8) {
 
 /// Fails as it is asked to.
 #[embassy_executor::task]
-async fn fail(port: &'static Port<Rs485>, asked: &'static Asked, timer0: pac::TC0, timer2: pac::TC2) -> ! {
+async fn fail(
+    port: &'static Port<Rs485>,
+    asked: &'static Asked,
+    timer0: pac::TC0,
+    timer2: pac::TC2,
+) -> ! {
     signed(|task| ROLL.sign::<2>(task), async move {
         loop {
             let failure = asked.wait().await;

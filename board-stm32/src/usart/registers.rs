@@ -150,6 +150,12 @@ impl Registers {
         EXTI.pr(0).write_value(pac::exti::regs::Lines(self.line));
     }
 
+    /// Whether there is a DE pin.
+    #[inline(always)]
+    pub fn has_de(&self) -> bool {
+        self.de != 0
+    }
+
     /// DE up. The upper half of BSRR clears, the lower sets (RM0090 8.4.7).
     #[inline(always)]
     pub fn raise_de(&self) {

@@ -46,6 +46,10 @@ pub struct Settings {
     pub(crate) character: u32,
     /// Ticks of t3.5.
     pub(crate) t3_5: u32,
+    /// DE_LEAD.
+    pub(crate) de_lead_us: u16,
+    /// RESPONSE_DELAY, where the port answers.
+    pub(crate) response_delay_ms: u16,
 }
 
 impl Settings {
@@ -64,6 +68,8 @@ impl Settings {
         to_start: 0,
         character: 0,
         t3_5: 0,
+        de_lead_us: 0,
+        response_delay_ms: 0,
     };
 
     /// Whether the rate `baud`, which these are for, is within 2.5 % if the clock may be off by `clock_ppm` parts per million.
@@ -147,6 +153,11 @@ impl Settings {
             to_start,
             character: timing::character(format, baud, tick_hz),
             t3_5,
+            de_lead_us: config.de_lead_us,
+            response_delay_ms: match config.role {
+                Role::Server => config.response_delay_ms,
+                Role::Client => 0,
+            },
         })
     }
 }

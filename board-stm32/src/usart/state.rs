@@ -13,8 +13,8 @@ use multidrop_firmware::protocol::rtu::{Flaws, Heard, Reception};
 
 use super::registers::{self, ERRORS, ORE, RXNE, Registers, TC, TXE};
 use super::settings::Settings;
-use crate::platform;
 use crate::ports::PORTS;
+use crate::{TICK_HZ, platform};
 
 /// A buffer, apart from [`State`] so that it starts as zeros and takes no flash.
 pub(super) struct AduCell(UnsafeCell<Adu>);
@@ -87,7 +87,7 @@ pub(super) struct Chip {
     awaited: Awaited,
     /// What the alarm was last set to.
     alarm_at: u32,
-    /// Ticks from there to the end of the time for which the port may send.
+    /// Ticks from there to the end of the time for which the port may send; before that of what an answer has to wait for.
     bound_left: u32,
     pub receiver: WakerRegistration,
     pub user: WakerRegistration,
@@ -256,6 +256,7 @@ const FARTHEST: u32 = 1 << 30;
 
 impl Wire for Chip {
     const IS_BOUNDED: bool = !cfg!(feature = "bare");
+    const HAS_DELAYS: bool = true;
 
     #[inline(always)]
     fn ascii(&mut self) -> Option<&mut Ascii> {
@@ -358,6 +359,37 @@ impl Wire for Chip {
         }
         self.set_bound();
         false
+    }
+
+    #[inline(always)]
+    fn begin_delay(&mut self) {
+        self.bound_left = u32::from(self.settings.response_delay_ms) * (TICK_HZ / 1_000);
+    }
+
+    #[inline(always)]
+    fn end_delay(&mut self) {
+        self.bound_left = 0;
+    }
+
+    #[inline(always)]
+    fn is_delay_over(&mut self) -> bool {
+        if self.bound_left == 0 {
+            return true;
+        }
+        self.set_bound();
+        false
+    }
+
+    fn lead(&mut self) -> bool {
+        let us = u32::from(self.settings.de_lead_us);
+        if us == 0 || !self.registers.has_de() {
+            return false;
+        }
+        self.registers.raise_de();
+        self.registers.send(&self.settings, 0);
+        self.set_alarm(platform::now().wrapping_add(us * (TICK_HZ / 1_000_000)));
+        self.alarm_on();
+        true
     }
 
     #[inline(always)]

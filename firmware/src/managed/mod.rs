@@ -225,6 +225,7 @@ where
             LineError::Baud { nearest } => Reason::Baud(nearest),
             LineError::Format(_) => Reason::Chip,
             LineError::Flow => Reason::Wiring,
+            LineError::Delay => Reason::Chip,
             LineError::Framing(framing) => Reason::Framing(framing),
         })
     }

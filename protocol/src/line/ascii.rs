@@ -82,7 +82,7 @@ impl LineMachine {
     pub fn on_ascii_character<W: Wire>(&mut self, wire: &mut W, character: u8, flaws: Flaws) {
         let Some(ascii) = wire.ascii() else { return };
         let step = match self.phase {
-            Phase::Sending => return,
+            Phase::Leading | Phase::Sending => return,
             Phase::Collecting | Phase::Begun => {
                 ascii.fortieths = FORTIETHS;
                 self.phase = Phase::Collecting;
@@ -136,6 +136,9 @@ impl LineMachine {
         let Some(ascii) = wire.ascii() else { return };
         let heard = ascii.reception.finish();
         self.phase = Phase::Settled;
+        if W::HAS_DELAYS {
+            wire.begin_delay();
+        }
         wire.alarm(Interval::T3_5);
         if heard.flaws.is_empty() {
             self.len = heard.len;

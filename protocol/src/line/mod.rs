@@ -45,6 +45,8 @@ enum Phase {
     /// The frame stands; t3.5 is near.
     Settled,
     Silent,
+    /// DE is up, and the first character not on its way yet.
+    Leading,
     Sending,
     Sent,
 }
@@ -120,6 +122,9 @@ impl LineMachine {
         self.void(wire);
         // Who asked may not be on the line any more.
         self.withhold(wire);
+        if W::HAS_DELAYS {
+            wire.end_delay();
+        }
         // An ASCII frame says itself where it begins.
         self.phase = if wire.ascii().is_some() {
             Phase::Settled
@@ -170,7 +175,7 @@ impl LineMachine {
                 self.flaws = Flaws::NONE;
                 wire.alarm_on();
             }
-            Phase::Sending => {
+            Phase::Leading | Phase::Sending => {
                 // The receiver is off.
                 wire.take();
                 return None;
@@ -199,14 +204,15 @@ impl LineMachine {
             Phase::Collecting | Phase::Begun if wire.ascii().is_some() => self.on_ascii_alarm(wire),
             Phase::Collecting | Phase::Begun => self.on_complete(wire),
             Phase::Complete | Phase::CompleteBegun => self.on_stand(wire),
-            Phase::Settled => self.on_start(wire),
+            Phase::Settled => self.on_t3_5(wire),
+            Phase::Leading if W::HAS_DELAYS => self.on_lead(wire),
             Phase::Sent => self.on_free(wire),
             Phase::Sending if W::IS_BOUNDED => {
                 if wire.is_bound_over() {
                     self.cut_off(wire);
                 }
             }
-            Phase::Silent | Phase::Sending => wire.alarm_off(),
+            Phase::Silent | Phase::Leading | Phase::Sending => wire.alarm_off(),
         }
     }
 
@@ -255,8 +261,11 @@ impl LineMachine {
             let flaws = core::mem::take(&mut self.flaws);
             self.tell(wire, flaws);
         }
+        if W::HAS_DELAYS {
+            wire.begin_delay();
+        }
         if !wire.alarm(Interval::ToStart) {
-            self.on_start(wire);
+            self.on_t3_5(wire);
         }
         if self.silence_awaited {
             self.silence_awaited = false;
@@ -278,6 +287,15 @@ impl LineMachine {
         self.damaged |= flaws;
         self.damaged_count = self.damaged_count.saturating_add(1);
         wire.wake_receiver();
+    }
+
+    /// t3.5 is over, and the delay behind it, if there is one, or a part of it.
+    #[inline(always)]
+    fn on_t3_5<W: Wire>(&mut self, wire: &mut W) {
+        if W::HAS_DELAYS && !wire.is_delay_over() {
+            return;
+        }
+        self.on_start(wire);
     }
 
     #[inline(always)]
@@ -342,6 +360,26 @@ impl LineMachine {
 
     #[inline(never)]
     fn start<W: Wire>(&mut self, wire: &mut W) {
+        if W::HAS_DELAYS && wire.lead() {
+            self.verdict = Verdict::Sent;
+            self.phase = Phase::Leading;
+            return;
+        }
+        self.talk(wire);
+    }
+
+    /// DE has been up for long enough. Who released the answer may have given up meanwhile.
+    #[inline(always)]
+    fn on_lead<W: Wire>(&mut self, wire: &mut W) {
+        if self.verdict == Verdict::Sent {
+            wire.alarm_off();
+            return self.talk(wire);
+        }
+        self.let_go(wire);
+    }
+
+    #[inline(always)]
+    fn talk<W: Wire>(&mut self, wire: &mut W) {
         wire.talk(self.first);
         if W::IS_BOUNDED {
             wire.bound(self.len);
@@ -357,6 +395,12 @@ impl LineMachine {
     #[inline(always)]
     fn cut_off<W: Wire>(&mut self, wire: &mut W) {
         self.verdict = Verdict::Late;
+        self.let_go(wire);
+    }
+
+    /// The alarm, which is on, ends what is being sent.
+    #[inline(always)]
+    fn let_go<W: Wire>(&mut self, wire: &mut W) {
         wire.listen();
         self.phase = Phase::Sent;
         // The alarm is on.
@@ -456,10 +500,10 @@ impl LineMachine {
         Some(self.verdict != Verdict::Void)
     }
 
-    /// Whether an answer is on the wire.
+    /// Whether an answer is on the wire, or DE up for it.
     #[inline]
     pub fn is_sending(&self) -> bool {
-        self.phase == Phase::Sending
+        matches!(self.phase, Phase::Leading | Phase::Sending)
     }
 
     /// Whether a task has the buffer.
@@ -494,6 +538,9 @@ impl LineMachine {
                 wire.clear_start_bit();
                 self.prepare(wire, len);
                 self.phase = Phase::Settled;
+                if W::HAS_DELAYS {
+                    wire.end_delay();
+                }
                 wire.alarm(Interval::T3_5);
                 wire.alarm_on();
             }

@@ -28,6 +28,9 @@ pub enum Interval {
 pub trait Wire {
     /// Whether the driver bounds the time for which it sends. What is for that costs one that does not nothing.
     const IS_BOUNDED: bool = false;
+    /// Whether the driver can have an answer wait after t3.5, and DE go up before the first character. What is for that costs one
+    /// that cannot nothing.
+    const HAS_DELAYS: bool = false;
     /// What the line keeps for ASCII, if it is set up for that now. A driver that never is has nothing to do, and what is for
     /// ASCII costs it nothing.
     #[inline(always)]
@@ -75,6 +78,23 @@ pub trait Wire {
     /// The alarm went off while the driver sends: whether that time is over. If not the alarm is set for what is left.
     #[inline(always)]
     fn is_bound_over(&mut self) -> bool {
+        false
+    }
+    /// A frame stands, or is over: an answer to it waits for the delay that is set, counted from t3.5.
+    #[inline(always)]
+    fn begin_delay(&mut self) {}
+    /// Nothing is left of the delay.
+    #[inline(always)]
+    fn end_delay(&mut self) {}
+    /// t3.5, or a part of the delay, is over: whether nothing is left of it. If there is, the alarm is set for that or a part of it.
+    #[inline(always)]
+    fn is_delay_over(&mut self) -> bool {
+        true
+    }
+    /// An answer is to start. Where DE has to be up for some time before the first character: receiver off, DE up, the alarm on and
+    /// set to the end of that time, and `true`.
+    #[inline(always)]
+    fn lead(&mut self) -> bool {
         false
     }
     /// Whether the transmitter takes another byte.

@@ -14,6 +14,9 @@
 //! decided in Rust, and compare B counts the second between them in parts of 25 ms, since Timer1 has 16
 //! bits.
 //!
+//! DE_LEAD and RESPONSE_DELAY are there where the type asks for them ([`Delayed`]): a delay beyond the timer's 16 bits is
+//! counted in parts.
+//!
 //! Its interrupts wake tasks through [`executor::run`](crate::executor::run), which has to be the one that
 //! runs them. They are bound by one line in the binary, [`bind_usart0!`](crate::bind_usart0).
 
@@ -35,7 +38,7 @@ use crate::gpio::{DriverEnable, PD0, PD1, hold_rxd_high};
 use crate::pac::{TC1, USART0};
 use crate::timer1;
 pub(crate) use character::set_attention;
-pub use settings::{Framings, RtuAndAscii, RtuOnly, Settings};
+pub use settings::{Delayed, Delaying, Delays, Framings, RtuAndAscii, RtuOnly, Settings};
 use state::{SHARED, State};
 
 /// With interrupts off.

@@ -2,7 +2,7 @@
 
 use multidrop_firmware::protocol::rtu::Flaws;
 
-use super::settings::{Kept, Settings};
+use super::settings::{Framings, Kept, Settings};
 use crate::edge;
 use crate::pac::{EXINT, USART0};
 
@@ -80,7 +80,7 @@ pub(super) fn flaws(status: u8) -> Flaws {
 }
 
 /// Baud rate, format, receiver and transmitter on.
-pub(super) fn set_up<F>(settings: &Settings<F>) {
+pub(super) fn set_up<F: Framings>(settings: &Settings<F>) {
     // SAFETY: the values come from `Settings`, which makes valid ones only.
     unsafe {
         Usart::block().ubrr0().write(|w| w.bits(settings.ubrr));
@@ -105,6 +105,12 @@ pub(super) fn listen() {
 pub(super) fn send(kept: &Kept) {
     clear_sent(kept);
     Usart::control(TXCIE | UDRIE | TXEN);
+}
+
+/// Receiver off, transmitter without interrupts.
+#[inline(always)]
+pub(super) fn hold() {
+    Usart::control(TXEN);
 }
 
 /// Clears TXC.

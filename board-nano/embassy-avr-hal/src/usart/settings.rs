@@ -26,6 +26,45 @@ const JUDGED_EARLY_CLIENT: u32 = 2;
 pub trait Framings: 'static {
     /// Whether ASCII is among them; RTU always is.
     const ASCII: bool;
+    /// What there is for DE_LEAD and RESPONSE_DELAY: [`Delays`], or `()` for nothing.
+    type Delays: Delaying;
+}
+
+/// [`Delays`], or `()`. Sealed.
+pub trait Delaying: sealed::Sealed + Copy + core::fmt::Debug + PartialEq {
+    /// Whether an answer can wait, and DE go up before it.
+    const ARE_THERE: bool;
+    #[doc(hidden)]
+    fn get(self) -> Delays;
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for () {}
+    impl Sealed for super::Delays {}
+}
+
+impl Delaying for () {
+    const ARE_THERE: bool = false;
+    fn get(self) -> Delays {
+        Delays {
+            lead: 0,
+            response: 0,
+        }
+    }
+}
+
+impl Delaying for Delays {
+    const ARE_THERE: bool = true;
+    fn get(self) -> Delays {
+        self
+    }
+}
+
+/// Makes one of the two out of what may have to be dropped.
+union Made<D: Delaying> {
+    given: Delays,
+    wanted: D,
 }
 
 /// RTU, for good.
@@ -36,17 +75,28 @@ pub enum RtuOnly {}
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RtuAndAscii {}
 
+/// The framings `F`, and settings that have an answer wait: DE_LEAD and RESPONSE_DELAY.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Delayed<F>(PhantomData<F>);
+
+impl<F: Framings> Framings for Delayed<F> {
+    const ASCII: bool = F::ASCII;
+    type Delays = Delays;
+}
+
 impl Framings for RtuOnly {
     const ASCII: bool = false;
+    type Delays = ();
 }
 
 impl Framings for RtuAndAscii {
     const ASCII: bool = true;
+    type Delays = ();
 }
 
 /// Everything about a line that depends on its configuration and the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings<F> {
+pub struct Settings<F: Framings> {
     pub(crate) ubrr: u16,
     pub(crate) ucsrc: u8,
     pub(crate) is_ascii: bool,
@@ -55,6 +105,7 @@ pub struct Settings<F> {
     /// that completes a frame; in ASCII a fortieth of a second.
     pub(crate) to_complete: u16,
     pub(crate) kept: Kept,
+    pub(crate) delays: F::Delays,
     framings: PhantomData<F>,
 }
 
@@ -72,6 +123,15 @@ pub(crate) struct Kept {
     pub(crate) t3_5: u16,
 }
 
+/// What an answer waits for, in ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Delays {
+    /// From DE to the first start bit.
+    pub(crate) lead: u16,
+    /// From t3.5 to DE.
+    pub(crate) response: u32,
+}
+
 impl<F: Framings> Settings<F> {
     /// Settings for `config` at a CPU clock of `clock_hz` (8 to 20 MHz).
     ///
@@ -80,6 +140,7 @@ impl<F: Framings> Settings<F> {
     /// up, and the least that the interrupts need is taken off: no interval is ever cut short.
     ///
     /// # Errors
+    /// [`LineError::Delay`] for an answer that has to wait on a line that has no [`Delayed`];
     /// [`LineError::Framing`] for ASCII on a line that has none, and for text; [`LineError::Format`] for RTU with seven
     /// data bits; [`LineError::Flow`] for RTS/CTS; [`LineError::Baud`] for a rate that is off by more than 2.5 % or so
     /// slow that t3.5 exceeds the 16 bits of the timer (below 1400 baud at 16 MHz).
@@ -95,6 +156,9 @@ impl<F: Framings> Settings<F> {
         }
         if matches!(config.flow, Flow::RtsCts) {
             return Err(LineError::Flow);
+        }
+        if !F::Delays::ARE_THERE && (config.de_lead_us > 0 || config.response_delay_ms > 0) {
+            return Err(LineError::Delay);
         }
         let divisor = match divisor(clock_hz, baud) {
             Ok(divisor) => divisor,
@@ -123,6 +187,16 @@ impl<F: Framings> Settings<F> {
             InterCharacter::Strict => t1_5,
             InterCharacter::Off | InterCharacter::Gap(_) => t3_5 - to_start,
         };
+        let given = Delays {
+            // 10 ms are 25 000 ticks at 20 MHz, 1 s are 2.5 million.
+            lead: (config.de_lead_us as u32 * (tick_hz / 1_000) / 1_000) as u16,
+            response: match config.role {
+                Role::Server => config.response_delay_ms as u32 * tick_hz.div_ceil(1_000),
+                Role::Client => 0,
+            },
+        };
+        // SAFETY: `F::Delays` is `Delays`, or of no size.
+        let delays = unsafe { Made { given }.wanted };
         Ok(Self {
             ubrr: divisor.ubrr,
             ucsrc: ucsrc(format),
@@ -140,6 +214,7 @@ impl<F: Framings> Settings<F> {
                 character: character as u16,
                 t3_5: t3_5 as u16,
             },
+            delays,
             framings: PhantomData,
         })
     }

@@ -12,7 +12,7 @@ use multidrop_firmware::protocol::rtu::Heard;
 
 use super::character::{Hot, set_attention};
 use super::registers::{self, Usart};
-use super::settings::{Framings, Kept, Settings};
+use super::settings::{Delaying, Delays, Framings, Kept, Settings};
 use crate::edge;
 use crate::executor;
 use crate::gpio::DriverEnable;
@@ -85,6 +85,41 @@ pub(super) fn set_delimiter(delimiter: u8) {
     unsafe { AsciiState::get() }.ascii.set_delimiter(delimiter);
 }
 
+/// What an answer waits for, apart from [`State`] so that it takes no RAM where no answer does.
+struct DelayState {
+    set: Delays,
+    /// Ticks of the delay behind t3.5 that are left.
+    left: u32,
+}
+
+struct DelayCell(UnsafeCell<DelayState>);
+
+// SAFETY: as for `SHARED`.
+unsafe impl Sync for DelayCell {}
+
+static DELAYS: DelayCell = DelayCell(UnsafeCell::new(DelayState {
+    set: Delays {
+        lead: 0,
+        response: 0,
+    },
+    left: 0,
+}));
+
+impl DelayState {
+    /// The one there is.
+    ///
+    /// # Safety
+    /// In an interrupt of the line, or with interrupts off; one reference at a time.
+    #[inline(always)]
+    unsafe fn get() -> &'static mut DelayState {
+        // SAFETY: as demanded above.
+        unsafe { &mut *DELAYS.0.get() }
+    }
+}
+
+/// The most ticks that a part of a delay has.
+const PART: u16 = 0x8000;
+
 /// Sets OCR1B. The TEMP register of 16-bit accesses (DS 16.3) is safe since interrupts are off.
 #[inline(always)]
 fn set_compare(tick: u16) {
@@ -143,6 +178,10 @@ impl State {
             let state = unsafe { AsciiState::get() };
             state.is_on = settings.is_ascii;
             state.ascii.set_data_bits(settings.data_bits);
+        }
+        if F::Delays::ARE_THERE {
+            // SAFETY: interrupts are off.
+            unsafe { DelayState::get() }.set = settings.delays.get();
         }
         let (machine, mut wire) = self.parts::<DE, F>();
         machine.reset(&mut wire);
@@ -230,6 +269,7 @@ const TURNS: *mut u8 = 0x4B as *mut u8;
 
 impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
     const IS_BOUNDED: bool = !cfg!(feature = "bare");
+    const HAS_DELAYS: bool = F::Delays::ARE_THERE;
 
     #[inline(always)]
     fn ascii(&mut self) -> Option<&mut Ascii> {
@@ -347,6 +387,46 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
             TURNS.write_volatile(turns.wrapping_sub(1));
             turns == 0
         }
+    }
+
+    #[inline(always)]
+    fn begin_delay(&mut self) {
+        // SAFETY: in the interrupt.
+        let state = unsafe { DelayState::get() };
+        state.left = state.set.response;
+    }
+
+    #[inline(always)]
+    fn end_delay(&mut self) {
+        // SAFETY: in the interrupt, or with interrupts off.
+        unsafe { DelayState::get() }.left = 0;
+    }
+
+    #[inline(always)]
+    fn is_delay_over(&mut self) -> bool {
+        // SAFETY: in the interrupt.
+        let state = unsafe { DelayState::get() };
+        if state.left == 0 {
+            return true;
+        }
+        let part = state.left.min(u32::from(PART));
+        state.left -= part;
+        advance_compare(part as u16);
+        false
+    }
+
+    #[inline(always)]
+    fn lead(&mut self) -> bool {
+        // SAFETY: in the interrupt, or with interrupts off.
+        let lead = unsafe { DelayState::get() }.set.lead;
+        if lead == 0 || !DE::IS_ONE_PAIR {
+            return false;
+        }
+        DE::raise();
+        registers::hold();
+        set_compare(timer1::now().wrapping_add(lead.max(SOON)));
+        self.alarm_on();
+        true
     }
 
     #[inline(always)]

@@ -5,6 +5,7 @@
 
 use board_stm32::ports::PortSettings;
 use board_stm32::usart::Usart;
+use board_stm32::{Roll, Watchdog};
 use multidrop_firmware::PortConfig;
 use multidrop_firmware::line::{Line, LineConfig};
 use multidrop_firmware::protocol::format::LineFormat;
@@ -15,6 +16,9 @@ const GREETING: &[u8] = b"here again";
 const RS4: PortConfig = PortConfig::new("RS4")
     .baud(board_stm32::options::baud(38_400))
     .format(LineFormat::F8N1);
+
+/// The watchdog sees to the executor alone.
+static ROLL: Roll<0> = Roll::new();
 
 #[embassy_executor::task]
 async fn repeat(line: Usart) {
@@ -48,7 +52,7 @@ async fn repeat(line: Usart) {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let board = board_stm32::init();
+    let board = board_stm32::init(Watchdog::DEFAULT);
     let line = board.rs4.open(const { PortSettings::new(&RS4) });
-    board_stm32::run(|spawner| spawner.spawn(repeat(line).unwrap()))
+    board_stm32::run(&ROLL, |spawner| spawner.spawn(repeat(line).unwrap()))
 }

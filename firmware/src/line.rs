@@ -185,6 +185,13 @@ pub trait Line: Sized {
     /// [`Frame::sent`].
     fn sent(&self) -> impl Future<Output = bool>;
 
+    /// Behind [`sent`](Line::sent) that was false: whether what was released had begun and was cut off, since the peer did not
+    /// let it be sent ([`LineConfig::cts_timeout_ms`]) or the transmitter did not come to its end. By default a line does
+    /// not find that out.
+    fn was_cut(&self) -> bool {
+        false
+    }
+
     /// The frame was dropped: the buffer is the line's again, an answer that has not started is
     /// withdrawn, one that has is cut off after the character in flight.
     fn give_back(&self);

@@ -145,9 +145,12 @@ impl<L: Line + 'static, const N: usize> Router<L, N> {
             Err(ClientError::UnknownException(code)) => code,
             // Function codes that none is asked with.
             Err(ClientError::Request(_)) => Exception::IllegalFunction.code(),
-            Err(ClientError::NotMaster | ClientError::QueueFull | ClientError::NoSilence) => {
-                Exception::GatewayPathUnavailable.code()
-            }
+            Err(
+                ClientError::NotMaster
+                | ClientError::QueueFull
+                | ClientError::NoSilence
+                | ClientError::CutOff,
+            ) => Exception::GatewayPathUnavailable.code(),
             Err(_) => Exception::GatewayTargetFailedToRespond.code(),
         };
         frame[1] |= EXCEPTION_BIT;

@@ -36,7 +36,9 @@ pub async fn serve<L: Line, D: Diagnostics, M: DataModel>(
                 frame.release(late);
             }
         }
-        frame.sent().await;
+        if !frame.sent().await && D::COUNTS && port.line.was_cut() {
+            port.server.cut_off();
+        }
         if D::COUNTS {
             port.line.set_delimiter(port.server.delimiter());
         }

@@ -92,7 +92,8 @@ fn outcome(result: Result<bool, ClientError>) -> u16 {
             ClientError::Request(_)
             | ClientError::QueueFull
             | ClientError::NotMaster
-            | ClientError::NoSilence,
+            | ClientError::NoSilence
+            | ClientError::CutOff,
         ) => 0x4007,
         Err(ClientError::WrongLength(_)) => 0x4008,
         Err(ClientError::WrongContent) => 0x4009,

@@ -227,6 +227,10 @@ impl Line for Usart {
         poll_fn(|context| self.poll_user(context, |state| state.machine.sent()))
     }
 
+    fn was_cut(&self) -> bool {
+        self.with(|state| state.machine.was_cut())
+    }
+
     fn give_back(&self) {
         self.with(State::give_back);
     }

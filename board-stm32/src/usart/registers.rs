@@ -37,6 +37,7 @@ const ALWAYS: u32 = UE | TE;
 /// One USART with its DE pin.
 #[derive(Clone, Copy)]
 pub(crate) struct Registers {
+    port: u8,
     usart: Usart,
     /// RXD's line of EXTI, as a bit.
     line: u32,
@@ -57,12 +58,14 @@ impl Registers {
         let line = 1 << WIRING[port].rx.number;
         match WIRING[port].de {
             Some(pin) => Self {
+                port: port as u8,
                 usart,
                 line,
                 de: 1 << pin.number,
                 de_gpio: gpio(pin),
             },
             None => Self {
+                port: port as u8,
                 usart,
                 line,
                 de: 0,
@@ -91,6 +94,20 @@ impl Registers {
             .dr()
             .write_value(pac::usart::regs::Dr(character.into()));
         self.usart.sr().write_value(pac::usart::regs::Sr(!TC));
+    }
+
+    /// Drops what the transmitter holds, which nothing else is said to do: the USART as after a reset of the chip, for
+    /// [`set_up`](Self::set_up) (RM0090 7.3.8, 7.3.9).
+    pub fn reset(&self) {
+        let rcc = pac::RCC;
+        for on in [true, false] {
+            match self.port {
+                0 => rcc.apb2rstr().modify(|w| w.set_usart1rst(on)),
+                1 => rcc.apb1rstr().modify(|w| w.set_usart2rst(on)),
+                2 => rcc.apb1rstr().modify(|w| w.set_usart3rst(on)),
+                _ => rcc.apb1rstr().modify(|w| w.set_uart4rst(on)),
+            }
+        }
     }
 
     /// Baud rate and format. The transmitter stays on from here: with TE it sends an idle character first

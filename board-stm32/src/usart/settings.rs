@@ -35,6 +35,8 @@ pub struct Settings {
     pub(crate) framing: Framing,
     pub(crate) data_bits: u8,
     pub(crate) rts_cts: bool,
+    /// For how long the peer may hold a character.
+    pub(crate) cts_timeout_ms: u16,
     /// Ticks from the moment in which a character is taken from the USART to the end of the silence that
     /// completes a frame; in ASCII a fortieth of a second.
     pub(crate) to_complete: u32,
@@ -63,6 +65,7 @@ impl Settings {
         framing: Framing::Rtu,
         data_bits: 8,
         rts_cts: false,
+        cts_timeout_ms: 0,
         to_complete: 0,
         to_stand: 0,
         to_start: 0,
@@ -144,6 +147,7 @@ impl Settings {
             framing: config.framing,
             data_bits: format.data_bits(),
             rts_cts: matches!(config.flow, Flow::RtsCts),
+            cts_timeout_ms: config.cts_timeout_ms,
             to_complete: if is_ascii {
                 tick_hz.div_ceil(40)
             } else {

@@ -120,8 +120,8 @@ impl State {
         self.lent_ms = 0;
     }
 
-    /// So many ms are over: whether a frame that is lent may be kept still. It may for as long as the longest frame takes, and the
-    /// watchdog's time, and the ms in which it was lent.
+    /// So many ms are over: whether a frame that is lent may be kept still. It may for as long as the longest frame takes and is
+    /// delayed or held, and the watchdog's time, and the ms in which it was lent.
     pub fn may_keep_frame(&mut self, ms: u32, time_ms: u32) -> bool {
         if !self.machine.is_lent() {
             self.lent_ms = 0;
@@ -130,8 +130,12 @@ impl State {
         self.lent_ms = self.lent_ms.saturating_add(ms);
         let settings = &self.chip.settings;
         let characters = settings.framing.characters(LONGEST);
+        let mut held_ms = u32::from(settings.response_delay_ms);
+        if settings.rts_cts {
+            held_ms += u32::from(settings.cts_timeout_ms);
+        }
         let longest_ms = settings.character / (crate::TICK_HZ / 1000) * u32::from(characters);
-        self.lent_ms <= longest_ms + u32::from(characters) + time_ms + ms
+        self.lent_ms <= longest_ms + u32::from(characters) + held_ms + time_ms + ms
     }
 
     /// Puts settings into the USART and starts the machine anew.
@@ -237,6 +241,15 @@ impl Chip {
         self.bound_left -= ticks;
         self.set_alarm(self.alarm_at.wrapping_add(ticks));
         self.alarm_on();
+    }
+
+    /// With flow control the peer may hold each character for CTS_TIMEOUT, behind the one under way.
+    #[inline(never)]
+    fn await_cts(&mut self) {
+        let ticks = u32::from(self.settings.cts_timeout_ms) * (crate::TICK_HZ / 1000);
+        self.bound_left = ticks.saturating_add(2 * self.settings.character);
+        self.alarm_at = platform::now();
+        self.set_bound();
     }
 
     #[inline(always)]
@@ -347,6 +360,9 @@ impl Wire for Chip {
     }
 
     fn bound(&mut self, len: u8) {
+        if self.settings.rts_cts {
+            return self.await_cts();
+        }
         let characters = self.settings.framing.characters(len);
         self.bound_left = self.settings.character * (u32::from(characters) + 1);
         self.alarm_at = platform::now();
@@ -400,6 +416,9 @@ impl Wire for Chip {
     #[inline(always)]
     fn put(&mut self, byte: u8, last: bool) {
         self.put_character(byte);
+        if Self::IS_BOUNDED && self.settings.rts_cts {
+            self.await_cts();
+        }
         if last {
             self.await_sent();
         }
@@ -415,6 +434,13 @@ impl Wire for Chip {
         self.registers.lower_de();
         self.awaited = Awaited::Nothing;
         self.registers.listen(&self.settings);
+    }
+
+    fn cut(&mut self) {
+        self.registers.lower_de();
+        self.awaited = Awaited::Nothing;
+        self.registers.reset();
+        self.registers.set_up(&self.settings);
     }
 
     #[inline(always)]

@@ -17,6 +17,9 @@ pub enum ClientError {
     NotMaster,
     /// The line was not silent for as long as the timeout; nothing was sent.
     NoSilence,
+    /// The request has begun to go out and was cut off: the peer's CTS did not let it be sent for
+    /// [CTS_TIMEOUT](crate::line::LineConfig::cts_timeout_ms), or the transmitter did not come to its end.
+    CutOff,
     /// The server refused. Data on the wire, not a fault.
     Exception(Exception),
     /// The server refused with a code that the standard does not define.
@@ -58,7 +61,7 @@ impl ClientError {
             | Self::WrongFunction(_)
             | Self::WrongLength(_)
             | Self::WrongContent => Blame::Peer,
-            Self::NoSilence | Self::Timeout | Self::Damaged(_) => Blame::Wire,
+            Self::NoSilence | Self::CutOff | Self::Timeout | Self::Damaged(_) => Blame::Wire,
         }
     }
 
@@ -100,6 +103,7 @@ impl fmt::Display for ClientError {
             Self::QueueFull => f.write_str("not sent: more tasks ask than the port is for"),
             Self::NotMaster => f.write_str("not sent: the port is not master"),
             Self::NoSilence => f.write_str("not sent: the line was not silent"),
+            Self::CutOff => f.write_str("not sent to its end: no CTS, or no end of it"),
             Self::Exception(exception) => {
                 write!(f, "exception {:02X}: {exception:?}", exception.code())
             }

@@ -131,8 +131,11 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
                             self.line.show(Ok(sent));
                             break (function, encoded.answered, debt);
                         }
-                        // Somebody has begun to talk.
                         debt.settle();
+                        if self.line.was_cut() {
+                            break 'tried ClientError::CutOff;
+                        }
+                        // Somebody has begun to talk.
                     };
                     if !answered {
                         Timer::after(duration(self.config().turnaround())).await;

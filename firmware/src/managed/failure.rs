@@ -36,6 +36,7 @@ impl Failure {
                 Status::InvalidRequest
             }
             ClientError::NoSilence
+            | ClientError::CutOff
             | ClientError::Timeout
             | ClientError::WrongLength(_)
             | ClientError::WrongContent => Status::Timeout,

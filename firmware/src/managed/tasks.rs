@@ -280,7 +280,9 @@ where
                     return router.ask(&frame.bytes()[..usize::from(request_len)]);
                 }
             }
-            frame.sent().await;
+            if !frame.sent().await && D::COUNTS && self.line.was_cut() {
+                self.server.cut_off();
+            }
             if D::COUNTS {
                 self.line.set_delimiter(self.server.delimiter());
             }

@@ -60,6 +60,8 @@ enum Verdict {
     Stands,
     /// As above, but it is too late for an answer: somebody has talked since.
     Late,
+    /// It stood, and what was released was cut off.
+    Cut,
     /// It stood, and what was released is on the wire, or has been.
     Sent,
     Void,
@@ -394,16 +396,22 @@ impl LineMachine {
     /// The transmitter does not come to its end: the bus is let go of, and what was released is lost.
     #[inline(always)]
     fn cut_off<W: Wire>(&mut self, wire: &mut W) {
-        self.verdict = Verdict::Late;
-        self.let_go(wire);
+        self.verdict = Verdict::Cut;
+        wire.cut();
+        self.be_sent(wire);
     }
 
-    /// The alarm, which is on, ends what is being sent.
+    /// What is being sent ends before its first character.
     #[inline(always)]
     fn let_go<W: Wire>(&mut self, wire: &mut W) {
         wire.listen();
+        self.be_sent(wire);
+    }
+
+    /// The alarm, which is on, has ended what is being sent.
+    #[inline(always)]
+    fn be_sent<W: Wire>(&mut self, wire: &mut W) {
         self.phase = Phase::Sent;
-        // The alarm is on.
         wire.alarm(Interval::T3_5Then);
         wire.wake_user();
     }
@@ -520,6 +528,12 @@ impl LineMachine {
             return None;
         }
         Some(self.verdict == Verdict::Sent)
+    }
+
+    /// Whether what was released last was cut off, since the transmitter did not come to its end.
+    #[inline]
+    pub fn was_cut(&self) -> bool {
+        self.verdict == Verdict::Cut
     }
 
     /// The first `len` bytes of the buffer are to be sent: at t3.5 if the frame stands then, at once if it does, and not at all

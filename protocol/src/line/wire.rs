@@ -105,6 +105,11 @@ pub trait Wire {
     fn end(&mut self);
     /// DE down, receiver on.
     fn listen(&mut self);
+    /// The same, and what the transmitter still holds is dropped: it does not come to its end.
+    #[inline(always)]
+    fn cut(&mut self) {
+        self.listen();
+    }
     /// Wakes the task that waits for a frame.
     fn wake_receiver(&mut self);
     /// Wakes the task that has the frame, or waits to transmit.

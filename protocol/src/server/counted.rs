@@ -303,6 +303,10 @@ impl<const LOG: usize> Diagnostics for Counted<LOG> {
         }
     }
 
+    fn cut_off(&self) {
+        self.count(Counter::NoResponse);
+    }
+
     fn overheard(&self) {
         self.count(Counter::BusMessage);
     }

@@ -28,6 +28,9 @@ pub trait Diagnostics {
     /// whether or not that goes out.
     fn completed(&self, frame: &Adu, plan: Plan, answer_len: u8, refused: Option<Exception>);
 
+    /// The answer to a request that was [dealt with](Diagnostics::completed) did not go out.
+    fn cut_off(&self);
+
     /// A good frame for somebody else.
     fn overheard(&self);
 
@@ -60,6 +63,9 @@ impl Diagnostics for Uncounted {
 
     #[inline(always)]
     fn completed(&self, _: &Adu, _: Plan, _: u8, _: Option<Exception>) {}
+
+    #[inline(always)]
+    fn cut_off(&self) {}
 
     #[inline(always)]
     fn overheard(&self) {}

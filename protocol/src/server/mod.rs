@@ -299,6 +299,13 @@ impl<D: Diagnostics> Server<D> {
         }
     }
 
+    /// The answer to a request did not go out, although [`commit`](Server::commit) has given it: it was cut off. A server that
+    /// counts has one more request that was not answered.
+    #[inline(always)]
+    pub fn cut_off(&self) {
+        self.diagnostics.cut_off();
+    }
+
     /// Does what [`prepare`](Server::prepare) planned for the request of `request_len` bytes in `frame`, once the frame
     /// stands, and returns the length of the answer in it: 3..=254 bytes of unit id and PDU, or 0 to say nothing.
     ///

@@ -265,6 +265,10 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLO
         poll_fn(|context| poll_sent(context))
     }
 
+    fn was_cut(&self) -> bool {
+        with(|state| state.machine.was_cut())
+    }
+
     fn give_back(&self) {
         give_back::<DE, F>();
     }

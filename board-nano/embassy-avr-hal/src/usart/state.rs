@@ -188,15 +188,21 @@ impl State {
         set_attention(true);
     }
 
-    /// The time of the longest frame in units of 1024 ticks: 256 characters, in ASCII twice as many.
+    /// For how long a frame may be kept, in units of 1024 ticks: for the time of 256 characters, in ASCII twice as many, and for
+    /// RESPONSE_DELAY.
     #[cfg(not(feature = "bare"))]
     #[inline(always)]
     pub fn longest<F: Framings>(&self) -> u16 {
+        let mut longest = self.kept.character / 4;
         // SAFETY: interrupts are off.
         if F::ASCII && unsafe { AsciiState::get() }.is_on {
-            return self.kept.character / 2;
+            longest *= 2;
         }
-        self.kept.character / 4
+        if F::Delays::ARE_THERE {
+            // SAFETY: interrupts are off.
+            longest += (unsafe { DelayState::get() }.set.response / 1024) as u16 + 1;
+        }
+        longest
     }
 
     /// A character that is not simply the next good one of an RTU frame: a byte that is to be stored.

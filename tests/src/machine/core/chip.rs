@@ -402,6 +402,11 @@ impl Chip {
             }
             0x4002_3800 => {
                 let access = self.rcc.write(offset, value, now);
+                for (port, wiring) in WIRING.iter().enumerate() {
+                    if (offset, value >> wiring.reset.1 & 1) == (wiring.reset.0, 1) {
+                        self.usarts[port].reset(self.time());
+                    }
+                }
                 self.set_clocks();
                 access
             }

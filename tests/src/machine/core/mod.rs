@@ -72,6 +72,8 @@ const WINDOWS: [(u32, u32); 2] = [(0x4000_0000, 0x0008_0000), (0xE000_0000, 0x00
 /// alternate function (DS, table of alternate functions).
 struct Wiring {
     usart: u32,
+    /// Offset and bit of its reset in RCC (RM0090 7.3.8, 7.3.9).
+    reset: (u32, u32),
     function: u8,
     tx: Pin,
     rx: Pin,
@@ -84,6 +86,7 @@ struct Wiring {
 const WIRING: [Wiring; PORTS] = [
     Wiring {
         usart: 0x4001_1000,
+        reset: (0x24, 4),
         function: 7,
         tx: pin('A', 9),
         rx: pin('A', 10),
@@ -93,6 +96,7 @@ const WIRING: [Wiring; PORTS] = [
     },
     Wiring {
         usart: 0x4000_4400,
+        reset: (0x20, 17),
         function: 7,
         tx: pin('A', 2),
         rx: pin('A', 3),
@@ -102,6 +106,7 @@ const WIRING: [Wiring; PORTS] = [
     },
     Wiring {
         usart: 0x4000_4800,
+        reset: (0x20, 18),
         function: 7,
         tx: pin('B', 10),
         rx: pin('B', 11),
@@ -111,6 +116,7 @@ const WIRING: [Wiring; PORTS] = [
     },
     Wiring {
         usart: 0x4000_4C00,
+        reset: (0x20, 19),
         function: 8,
         tx: pin('A', 0),
         rx: pin('A', 1),

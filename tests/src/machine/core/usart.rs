@@ -77,6 +77,17 @@ impl Usart {
         }
     }
 
+    /// It is reset by RCC: what it holds is gone. The line it sends on goes idle at once.
+    pub fn reset(&mut self, now: Time) {
+        let (clock_hz, cts) = (self.clock_hz, self.cts);
+        *self = Usart {
+            clock_hz,
+            cts,
+            ..Usart::new(self.ppm, self.overruns)
+        };
+        self.transmitter.hold_until(now);
+    }
+
     /// Its clock, in Hz.
     pub fn set_clock(&mut self, hz: u32) {
         self.clock_hz = hz;

@@ -111,6 +111,10 @@ pub fn init(watchdog: Watchdog) -> pac::Peripherals {
     pac::Peripherals::take().unwrap()
 }
 
+/// How deep the stack has been since the board has started. Not in an image that is built bare.
+#[cfg(not(feature = "bare"))]
+pub use embassy_avr_hal::stack::stack;
+
 /// Why the board has started; [`ResetCause::Other`] in an image that is built bare. [`ResetCause::tell`] puts it into the
 /// diagnostic register.
 pub fn reset_cause() -> ResetCause {

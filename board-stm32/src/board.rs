@@ -12,7 +12,7 @@ use multidrop_firmware::roll::Watchdog as _;
 use crate::ports::{As1, As2, LEDS, Port, PortSettings, Rs2, Rs4};
 use crate::usart::{Usart, registers};
 use crate::watchdog::{self, Dog, Roll, Watchdog};
-use crate::{Clock, fault, platform};
+use crate::{Clock, fault, platform, stack};
 
 /// A port not opened yet: its pins are inputs.
 pub struct Closed<P>(PhantomData<P>);
@@ -56,6 +56,9 @@ pub fn init(watchdog: Watchdog) -> Board {
     }
     registers::enable_clocks();
     platform::init();
+    if !cfg!(feature = "bare") {
+        stack::paint_and_guard();
+    }
     crate::info!("started: {}", cause.name());
     Board {
         as1: Closed(PhantomData),

@@ -44,6 +44,11 @@ mod board;
 mod fault;
 #[cfg(target_arch = "arm")]
 mod platform;
+#[cfg(target_arch = "arm")]
+mod stack;
+
+#[cfg(target_arch = "arm")]
+pub use stack::stack;
 
 #[cfg(target_arch = "arm")]
 pub use board::{Board, Closed, clock, init, outputs, reset_cause, run};

@@ -11,6 +11,7 @@ use multidrop_protocol::server::DataModel;
 use crate::line::Line;
 use crate::port::Port;
 use crate::reset::ResetCause;
+use crate::stack::Stack;
 
 /// How the unit fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,9 +33,11 @@ pub enum Failure {
     LostSent = 7,
     /// A task keeps the line's buffer.
     Keep = 8,
+    /// A task uses up the stack.
+    OverflowStack = 9,
 }
 
-const ALL: [Failure; 8] = [
+const ALL: [Failure; 9] = [
     Failure::Panic,
     Failure::PanicInInterrupt,
     Failure::UnhandledInterrupt,
@@ -43,16 +46,19 @@ const ALL: [Failure; 8] = [
     Failure::LostReady,
     Failure::LostSent,
     Failure::Keep,
+    Failure::OverflowStack,
 ];
 
 /// How many registers there are from any address.
 const COUNT: usize = 16;
 
-/// Holding register 0 has the number of the [`ResetCause`]; 1 to 15 read as 0x0100 and their address. Input registers read as 0, up to 16 of them; where the
+/// Holding register 0 has the number of the [`ResetCause`], 2 and 3 how many bytes of the stack were in use and how many there are, at
+/// most 65535; the others up to 15 read as 0x0100 and their address. Input registers read as 0, up to 16 of them; where the
 /// first has the number of a [`Failure`], that is what happens while it is answered.
 pub struct Faults {
     asked: &'static Asked,
     cause: ResetCause,
+    stack: fn() -> Stack,
 }
 
 /// [`Failure::Keep`]: takes the line's buffer when it is free, and does not give it back.
@@ -69,8 +75,12 @@ pub type Asked = Signal<NoopRawMutex, Failure>;
 
 impl Faults {
     /// A model that tells `asked`, of a board that has started for this `cause`.
-    pub const fn new(asked: &'static Asked, cause: ResetCause) -> Self {
-        Self { asked, cause }
+    pub const fn new(asked: &'static Asked, cause: ResetCause, stack: fn() -> Stack) -> Self {
+        Self {
+            asked,
+            cause,
+            stack,
+        }
     }
 }
 
@@ -82,8 +92,12 @@ impl DataModel for Faults {
     ) -> Result<(), Exception> {
         within(first, out.len() as u16, COUNT as u16)?;
         let cause = self.cause as u16;
+        let stack = (self.stack)();
+        let bytes = |bytes: usize| u16::try_from(bytes).unwrap_or(u16::MAX);
         out.fill_from((first..).map(|address| match address {
             0 => cause,
+            2 => bytes(stack.used),
+            3 => bytes(stack.size),
             _ => 0x0100 + address,
         }));
         Ok(())
@@ -99,4 +113,16 @@ impl DataModel for Faults {
         out.fill_from(core::iter::repeat(0));
         Ok(())
     }
+}
+
+/// [`Failure::OverflowStack`]: calls itself until `is_over`, or for ever.
+#[inline(never)]
+pub fn use_up_stack(is_over: &dyn Fn() -> bool) -> u8 {
+    let frame = core::hint::black_box([0xAA_u8; 32]);
+    if is_over() {
+        return 0;
+    }
+    let below = use_up_stack(is_over);
+    core::hint::black_box(&frame);
+    below.wrapping_add(frame[0])
 }

@@ -27,6 +27,7 @@ pub mod scan;
 pub mod serve;
 pub mod shared;
 pub mod sniff;
+pub mod stack;
 pub mod yardstick;
 
 pub use client::{Client, ClientConfig, ClientError, ClientPort, client_receive};
@@ -42,3 +43,4 @@ pub use roll::{Roll, signed};
 pub use route::{Route, Router, route};
 pub use serve::serve;
 pub use shared::Shared;
+pub use stack::Stack;

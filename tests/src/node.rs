@@ -26,6 +26,8 @@ const SMCR: usize = 0x53;
 const PORF: u8 = 1 << 0;
 const EXTRF: u8 = 1 << 1;
 const RAM_START: usize = 0x100;
+/// What the firmware paints its free SRAM with, if it does (`embassy-avr-hal`, stack).
+const PAINT: u8 = 0xC5;
 /// Vectors of the ATmega328P, reset included (12.1).
 pub const VECTORS: usize = 26;
 
@@ -472,10 +474,19 @@ impl Node {
     /// [`Node::stack_peak`] counts from here on. Power-up does it too.
     pub fn paint_stack(&mut self) {
         let (start, end) = (self.static_end(), usize::from(self.core.sp()));
-        let fill: Vec<u8> = pattern(self.config.seed).take(DATA_BYTES).collect();
+        let fill = self.paint();
         if start < end {
             self.core.data_mut()[start..=end].copy_from_slice(&fill[start..=end]);
         }
+    }
+
+    /// What free SRAM holds: the power-up pattern, or what the firmware has painted it with.
+    fn paint(&self) -> Vec<u8> {
+        let start = self.static_end();
+        if self.core.data()[start..].starts_with(&[PAINT; 2]) {
+            return vec![PAINT; DATA_BYTES];
+        }
+        pattern(self.config.seed).take(DATA_BYTES).collect()
     }
 
     /// Bytes of stack used since power-up or [`Node::paint_stack`]: from the deepest byte that was
@@ -483,10 +494,10 @@ impl Node {
     /// figure may then be a byte short.
     pub fn stack_peak(&self) -> usize {
         let start = self.static_end();
-        let untouched = pattern(self.config.seed)
-            .skip(start)
+        let untouched = self.paint()[start..]
+            .iter()
             .zip(&self.core.data()[start..])
-            .take_while(|(painted, now)| painted == *now)
+            .take_while(|(painted, now)| painted == now)
             .count();
         DATA_BYTES - start - untouched
     }

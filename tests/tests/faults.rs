@@ -12,6 +12,7 @@ use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Line, Station, Stm32, Time
 on_both! {
     the_stm32_lets_go_of_the_bus_when_it_faults,
     the_stm32_bounds_how_long_it_sends,
+    the_stm32_tells_how_deep_its_stack_was,
 }
 
 /// How the unit fails, as `multidrop_firmware::faults` numbers it.
@@ -25,6 +26,7 @@ enum Failure {
     LostReady = 6,
     LostSent = 7,
     Keep = 8,
+    OverflowStack = 9,
 }
 
 /// Causes of a start, as `multidrop_firmware::ResetCause` numbers them.
@@ -342,4 +344,66 @@ fn the_watchdog_of_the_nano_misses_a_frame_that_is_kept() {
 #[test]
 fn the_watchdog_of_the_stm32_misses_a_frame_that_is_kept() {
     is_missed(Board::Stm32(Runner::Core));
+}
+
+/// A unit whose stack grows into its variables starts anew.
+fn is_guarded(board: Board, within: Time) {
+    let mut desk = Desk::new(board, LINE);
+    for _ in 0..2 {
+        desk.bus.clear_record();
+        let request = words(UNIT, 4, Failure::OverflowStack as u16, 16);
+        desk.bus.host(desk.host).send(&request);
+        desk.bus.run_for(within + BOOT);
+        assert!(!desk.drives());
+        desk.bus.host(desk.host).take();
+        desk.is_well(FAULT);
+        assert_eq!(desk.bus.record().conflicts(), []);
+    }
+}
+
+/// Its end is looked at when the watchdog is fed.
+#[test]
+fn the_nano_starts_anew_when_its_stack_is_used_up() {
+    is_guarded(Board::Nano, WATCHDOG / 2 + Time::from_ms(100));
+}
+
+/// The core in this process has the registers of the MPU (`stm32_silicon`), but protects nothing.
+#[test]
+fn the_stm32_starts_anew_when_its_stack_is_used_up() {
+    is_guarded(Board::Stm32(Runner::Qemu), Time::from_ms(50));
+}
+
+/// What the unit tells of its stack: bytes that were in use, and all.
+fn stack(desk: &mut Desk) -> (usize, usize) {
+    let answer = desk.ask(&words(UNIT, 3, 2, 2));
+    assert_eq!(answer.len(), 9, "{answer:02x?}");
+    let word = |at| usize::from(u16::from_be_bytes([answer[at], answer[at + 1]]));
+    (word(3), word(5))
+}
+
+#[test]
+fn the_nano_tells_how_deep_its_stack_was() {
+    let mut desk = Desk::new(Board::Nano, LINE);
+    let (_, size) = stack(&mut desk);
+    let (used, _) = stack(&mut desk);
+    let Station::Node(node) = desk.unit else {
+        unreachable!()
+    };
+    let node = desk.bus.node(node);
+    assert_eq!(size, 2_048 - node.static_ram());
+    // What was written there by chance looks painted.
+    let peak = node.stack_peak();
+    assert!(
+        (peak.saturating_sub(2)..=peak).contains(&used),
+        "{used}, {peak}"
+    );
+    assert!((50..400).contains(&used), "{used}");
+}
+
+fn the_stm32_tells_how_deep_its_stack_was(runner: Runner) {
+    let mut desk = Desk::new(Board::Stm32(runner), LINE);
+    let (used, size) = stack(&mut desk);
+    assert!((200..4_096).contains(&used), "{used}");
+    // More than the register can tell.
+    assert_eq!(size, 65_535);
 }

@@ -262,3 +262,23 @@ fn the_debugger_is_not_let_into_a_chip_that_sleeps() {
     // CR, and what stands still while the CPU is halted (RM0090 38.16.3, 38.16.4).
     holds(silicon, &[(0xE004_2004, 0), (0xE004_2008, 0)]);
 }
+
+#[test]
+fn the_guard_below_the_stack_is_up() {
+    let mut desk = desk();
+    let silicon = silicon(&mut desk.bus, desk.machine);
+    // On, with the memory map as it is outside of region 0, which is 256 bytes without access and without execution.
+    holds(
+        silicon,
+        &[
+            (0xE000_ED94, 5),
+            (0xE000_ED98, 0),
+            (0xE000_EDA0, 0x1000_000F),
+        ],
+    );
+    let guard = silicon.register(0xE000_ED9C).expect("it is modelled");
+    assert!(guard.is_multiple_of(256), "{guard:#x}");
+    let below = silicon.memory::<4>(guard - 4).expect("RAM");
+    let above = silicon.memory::<4>(guard + 256).expect("RAM");
+    assert_eq!((below != above, above), (true, [0xC5; 4]));
+}

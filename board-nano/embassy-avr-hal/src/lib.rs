@@ -10,6 +10,7 @@
 //! | [`eeprom`] | the 1024 bytes of EEPROM, written in the background |
 //! | [`fault`] | what becomes of a panic, and why the chip has started |
 //! | [`watchdog`] | the watchdog |
+//! | [`stack`] | how deep the stack has been, and a guard at its end |
 //! | [`baud`] | divider and error of a baud rate |
 //!
 //! Timer1 belongs to this crate: it runs free at an eighth of the clock, compare B measures the
@@ -28,6 +29,8 @@ pub mod executor;
 #[cfg(not(feature = "bare"))]
 pub mod fault;
 pub mod gpio;
+#[cfg(not(feature = "bare"))]
+pub mod stack;
 pub mod time;
 pub mod usart;
 pub mod watchdog;

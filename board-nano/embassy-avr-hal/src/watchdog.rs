@@ -193,6 +193,7 @@ mod running {
     /// Arms the interrupt again.
     #[inline(always)]
     pub fn feed() {
+        crate::stack::check();
         // SAFETY: without the timed sequence only WDIE changes (DS 11.9.2).
         unsafe { WDTCSR.write_volatile(WDTCSR.read_volatile() | WDIE) };
     }

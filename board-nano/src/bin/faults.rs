@@ -8,7 +8,7 @@ use avr_device::asm::delay_cycles;
 use avr_device::interrupt;
 use board_nano::{CLOCK_HZ, Rs485, Watchdog, options, settings};
 use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins, pac};
-use multidrop_firmware::faults::{Asked, Failure, Faults, keep};
+use multidrop_firmware::faults::{Asked, Failure, Faults, keep, use_up_stack};
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::{Port, PortConfig, Roll, Shared, signed};
 use static_cell::StaticCell;
@@ -47,7 +47,11 @@ async fn receive(port: &'static Port<Rs485>) -> ! {
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Rs485>, asked: &'static Asked) -> ! {
-    let model = Shared::new(Faults::new(asked, board_nano::reset_cause()));
+    let model = Shared::new(Faults::new(
+        asked,
+        board_nano::reset_cause(),
+        board_nano::stack,
+    ));
     signed(
         |task| ROLL.sign::<1>(task),
         multidrop_firmware::serve(port, &model),
@@ -100,6 +104,12 @@ async fn fail(
                 }
                 Failure::LostReady => lose(UDRIE),
                 Failure::Keep => keep(port).await,
+                Failure::OverflowStack => {
+                    use_up_stack(&|| {
+                        let stack = board_nano::stack();
+                        stack.used >= stack.size
+                    });
+                }
                 Failure::LostSent => {
                     // Whenever the line sets it, until long after.
                     for _ in 0..400 {

@@ -11,7 +11,7 @@ use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::pac;
 use embassy_time::{Duration, Timer};
-use multidrop_firmware::faults::{Asked, Failure, Faults, keep};
+use multidrop_firmware::faults::{Asked, Failure, Faults, keep, use_up_stack};
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::{Port, PortConfig, Shared, signed};
 use static_cell::StaticCell;
@@ -29,6 +29,9 @@ const BIT: Duration = Duration::from_micros(1_000_000_u64.div_ceil(BAUD as u64))
 /// From t1.5, when an answer is worked out, into the middle of one with 16 registers, which has 370 bits.
 const INTO_THE_ANSWER: u32 = 170;
 
+/// Where RAM, and with it the stack, ends (RM0090 2.3.1).
+const RAM_END: usize = 0x2002_0000;
+
 /// The tasks that have to be alive.
 static ROLL: Roll<3> = Roll::new();
 
@@ -43,7 +46,11 @@ async fn receive(port: &'static Port<Usart>) -> ! {
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port<Usart>, asked: &'static Asked) -> ! {
-    let model = Shared::new(Faults::new(asked, board_stm32::reset_cause()));
+    let model = Shared::new(Faults::new(
+        asked,
+        board_stm32::reset_cause(),
+        board_stm32::stack,
+    ));
     signed(
         |task| ROLL.sign::<1>(task),
         multidrop_firmware::serve(port, &model),
@@ -82,6 +89,14 @@ async fn fail(port: &'static Port<Usart>, asked: &'static Asked) -> ! {
                 // RM0090 30.6.4: TXEIE and TCIE. The port has both in the one write by which it sends.
                 Failure::LostReady => pac::UART4.cr1().modify(|w| w.set_txeie(false)),
                 Failure::Keep => keep(port).await,
+                Failure::OverflowStack => {
+                    // Into what guards its end, and no farther: without that nothing would come of it.
+                    let end = RAM_END - board_stm32::stack().size - 64;
+                    use_up_stack(&|| {
+                        let here = 0_u8;
+                        core::hint::black_box(&raw const here).addr() < end
+                    });
+                }
                 Failure::LostSent => {
                     // Whenever the port sets it, until long after.
                     for _ in 0..400 {

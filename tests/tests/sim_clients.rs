@@ -145,6 +145,15 @@ fn a_link_that_no_sim_made_is_refused_and_kept() {
 }
 
 #[test]
+fn what_cannot_be_kept_on_record_is_named() {
+    let folder = Sim::folder();
+    let mut command = Sim::command(&folder, "registers", &[image("registers", &[])]);
+    let output = command.env("TMPDIR", "/no/such/folder").output();
+    assert_refused(&output.expect("it runs"), "/no/such/folder/multidrop-sim-");
+    assert!(fs::symlink_metadata(folder.path().join("bus")).is_err());
+}
+
+#[test]
 fn a_link_that_was_changed_meanwhile_is_kept() {
     let mut sim = Sim::ready("registers", &[image("registers", &[])]);
     fs::remove_file(sim.link()).expect("a link");

@@ -2,23 +2,14 @@
 
 mod common;
 mod places;
+mod sims;
 
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
 
 use common::frames::{be, data, words};
-
-/// The bus, ended with the test.
-struct Sim(Child);
-
-impl Drop for Sim {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
+use sims::Sim;
 
 /// Asks; `len` bytes come back, or the bus ends.
 fn ask(terminal: &mut File, request: &[u8], len: usize) -> Vec<u8> {
@@ -35,26 +26,16 @@ fn a_pc_reads_what_was_collected_and_reaches_the_nanos() {
         .map(|unit| common::image("demo-unit", &["--unit", unit]))
         .collect();
     images.push(common::ports(common::Runner::Core));
-    let link = places::scratch().join(format!("mixed-{}", std::process::id()));
-    let mut command = Command::new(places::program("sim"));
-    command
-        .args(["mixed", "--seconds", "60", "--link"])
-        .arg(&link);
-    for image in &images {
-        command.arg("--image").arg(image);
-    }
-    let mut sim = Sim(command.stdout(Stdio::piped()).spawn().expect("sim runs"));
-    let mut ready = String::new();
-    let stdout = sim.0.stdout.take().expect("piped");
-    BufReader::new(stdout)
-        .read_line(&mut ready)
-        .expect("a line");
-    assert!(ready.starts_with("ready: "), "{ready}");
+    let folder = Sim::folder();
+    let mut command = Sim::command(&folder, "mixed", &images);
+    command.args(["--seconds", "60"]);
+    let mut sim = Sim::start(command, folder);
+    sim.await_ready();
 
     let mut terminal = OpenOptions::new()
         .read(true)
         .write(true)
-        .open(&link)
+        .open(sim.link())
         .expect("the terminal");
     for unit in 1..=3_u8 {
         let value = 0x1100 * u16::from(unit);

@@ -137,10 +137,16 @@ impl Record {
         loop {
             let folder = path.parent().expect("a file in a folder");
             match DirBuilder::new().mode(0o700).create(folder) {
-                Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(error),
+                Err(error) if error.kind() != ErrorKind::AlreadyExists => {
+                    return Err(named(folder, error));
+                }
                 _ => {}
             }
-            let meta = fs::symlink_metadata(folder)?;
+            let meta = match fs::symlink_metadata(folder) {
+                // Another bus has just removed it.
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                found => found.map_err(|error| named(folder, error))?,
+            };
             if !meta.is_dir() || meta.uid() != geteuid().as_raw() {
                 let said = format!("{} is not a folder of this user", folder.display());
                 return Err(io::Error::new(ErrorKind::PermissionDenied, said));
@@ -148,13 +154,13 @@ impl Record {
             let mut options = OpenOptions::new();
             options.read(true).write(true).create(true).truncate(false);
             let file = match options.mode(0o600).open(&path) {
-                // Another bus has just removed the folder.
+                // The same.
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
-                opened => opened?,
+                opened => opened.map_err(|error| named(&path, error))?,
             };
             match file.try_lock() {
                 Err(TryLockError::WouldBlock) => return Ok(None),
-                Err(TryLockError::Error(error)) => return Err(error),
+                Err(TryLockError::Error(error)) => return Err(named(&path, error)),
                 Ok(()) => {}
             }
             // Or the file, between the two.
@@ -172,9 +178,12 @@ impl Record {
     }
 
     fn write(&mut self, target: &str) -> io::Result<()> {
-        self.file.set_len(0)?;
-        self.file.rewind()?;
-        self.file.write_all(target.as_bytes())
+        let written = self
+            .file
+            .set_len(0)
+            .and_then(|()| self.file.rewind())
+            .and_then(|()| self.file.write_all(target.as_bytes()));
+        written.map_err(|error| named(&self.path, error))
     }
 
     fn remove(&self) {
@@ -182,6 +191,11 @@ impl Record {
         // The last one goes with the folder.
         let _ = fs::remove_dir(records());
     }
+}
+
+/// The error with the name of what it is about, which is not the link.
+fn named(path: &Path, error: io::Error) -> io::Error {
+    io::Error::new(error.kind(), format!("{}: {error}", path.display()))
 }
 
 fn inode(file: &File) -> Option<u64> {

@@ -101,8 +101,9 @@ impl Burst {
 }
 
 impl<P: Peripherals> Core<P> {
-    /// A core with `flash` in its program memory; `None` where simavr lacks the ATmega328P.
-    pub fn new(periph: P, flash: &[u8], hz: u32) -> Option<Self> {
+    /// A core with `flash` in its program memory, which a reset starts at byte `start`; `None` where simavr lacks the
+    /// ATmega328P.
+    pub fn new(periph: P, flash: &[u8], start: u32, hz: u32) -> Option<Self> {
         // SAFETY: the name is a NUL-terminated string that outlives the call.
         let avr = NonNull::new(unsafe { avr_make_mcu_by_name(c"atmega328p".as_ptr()) })?;
         let periph = NonNull::from(Box::leak(Box::new(periph)));
@@ -119,6 +120,7 @@ impl<P: Peripherals> Core<P> {
             (*a).frequency = hz;
             avr_loadcode(a, code.as_mut_ptr(), len as u32, 0);
             (*a).codeend = FLASH_BYTES as u32;
+            (*a).reset_pc = start;
             let param = periph.as_ptr().cast::<c_void>();
             let saved = (*a).bit_io;
             for &address in P::REGISTERS {

@@ -38,6 +38,8 @@ pub struct Nano {
     pub name: String,
     /// Its firmware, an ELF image.
     pub elf: PathBuf,
+    /// A boot loader, an ELF image too, and the first byte of the boot section: every reset starts there (27.5, BOOTRST).
+    pub boot_loader: Option<(PathBuf, u16)>,
     /// Its nominal clock, 1 Hz to 20 MHz.
     pub clock_hz: u32,
     /// How far its clock is off, in parts per million; positive is too fast.
@@ -62,6 +64,7 @@ impl Nano {
         Nano {
             name: name.into(),
             elf: elf.into(),
+            boot_loader: None,
             clock_hz: 16_000_000,
             clock_ppm: 0,
             de: Some(Pin::D2),
@@ -115,7 +118,13 @@ impl Node {
         if !(1..=20_000_000).contains(&config.clock_hz) {
             return Err(BusError::Clock(config.clock_hz));
         }
-        let image = Image::read(&config.elf)?;
+        let mut image = Image::read(&config.elf)?;
+        let mut start = 0;
+        if let Some((loader, section)) = &config.boot_loader {
+            start = usize::from(*section);
+            let loader = Image::read(loader)?;
+            image.flash[start..].copy_from_slice(&loader.flash[start..]);
+        }
         let mut pins = config.watch.clone();
         pins.extend(config.de);
         let eeprom = Eeprom::new(config.clock_hz, &image.eeprom);
@@ -125,7 +134,8 @@ impl Node {
             eeprom,
             Watchdog::new(config.clock_hz),
         );
-        let core = Core::new(periph, &image.flash, config.clock_hz).ok_or(BusError::NoCore)?;
+        let core = Core::new(periph, &image.flash, start as u32, config.clock_hz)
+            .ok_or(BusError::NoCore)?;
         let mut node = Node {
             clock: Clock::new(config.clock_hz, config.clock_ppm),
             config,

@@ -6,7 +6,8 @@
 //! avr-libc starts the program anew with the peripherals as they are.
 //!
 //! A boot loader that clears MCUSR may leave in r2 what was there: Optiboot does from version 4.6 on. One that tells
-//! nobody makes the cause [`ResetCause::Other`], but for a fault, which is kept in RAM.
+//! nobody makes the cause [`ResetCause::Other`], but for a fault, which is kept in RAM. Before version 6 Optiboot makes a
+//! reset by the watchdog of one by the pin.
 
 use core::arch::{asm, global_asm};
 
@@ -117,10 +118,11 @@ pub fn reset_cause() -> ResetCause {
         ResetCause::Fault
     } else if flags & BORF != 0 {
         ResetCause::BrownOut
+    } else if flags & EXTRF != 0 {
+        // Optiboot ends its wait after the pin by the watchdog.
+        ResetCause::Pin
     } else if flags & WDRF != 0 {
         ResetCause::Watchdog
-    } else if flags & EXTRF != 0 {
-        ResetCause::Pin
     } else {
         ResetCause::Other
     }

@@ -36,6 +36,9 @@ pub fn assemble(name: &str, symbols: &[(&str, u32)]) -> PathBuf {
         .arg(source.join(format!("{name}.S")))
         .arg("-o")
         .arg(&image);
+    if let Some((_, start)) = symbols.iter().find(|(symbol, _)| *symbol == "BOOT") {
+        command.arg(format!("-Wl,--section-start=.text={start:#x}"));
+    }
     let output = command.output().expect("avr-gcc runs");
     assert!(
         output.status.success(),

@@ -17,7 +17,8 @@ use nix::unistd::geteuid;
 use sims::Sim;
 use tempfile::TempDir;
 
-/// Lists two programmers; keeps each fuse in a file of its name; logs everything else. With a file `deaf` in its folder it
+/// Lists programmers; keeps each fuse in a file of its name; logs its calls. With a file `masked` in its folder it writes the bits that
+/// are no fuses as 0, as avrdude does; with `deaf` it
 /// writes no fuse and says that it has.
 const AVRDUDE: &str = r#"
 cd "$TMPDIR"
@@ -26,9 +27,11 @@ if [ "$2" = "?" ]; then
     exit 1
 fi
 echo "$@" >> log
+mask=255; [ -e masked ] && mask=7
 while [ $# -gt 0 ]; do
     case "$1" in -U) case "$2" in
         ?fuse:r:-:h) cat "${2%%:*}" ;;
+        efuse:w:*:m) value=${2#*:w:}; [ -e deaf ] || printf '0x%02x\n' $((${value%:m} & mask)) > efuse ;;
         ?fuse:w:*:m) value=${2#*:w:}; [ -e deaf ] || echo "${value%:m}" > "${2%%:*}" ;;
     esac ;; esac
     shift
@@ -139,10 +142,32 @@ fn fuses_are_shown_and_written_before_the_chip_is_erased() {
     assert_eq!(calls[..3], [read, written, read]);
     assert!(calls[3].starts_with(FLASHED), "{calls:?}");
 
-    // Once more there is nothing to write, and nothing to ask.
+    // Once more there is nothing to write, and nothing to ask; bits that are no fuses may read as 0.
+    fs::write(chip.path().join("efuse"), "0x04\n").expect("written");
     let output = run(&chip, "--programmer usbasp --fuses");
     assert_ends(&output, 0, &["nothing is to be changed"]);
     assert!(!log(&chip)[4..].iter().any(|call| call.contains("fuse:w:")));
+}
+
+#[test]
+fn bits_that_are_no_fuses_do_not_count() {
+    let chip = chip(["0xff", "0xda", "0x05"]);
+    fs::write(chip.path().join("masked"), "").expect("written");
+    let output = run(&chip, "--programmer usbasp --fuses --yes");
+    assert_ends(
+        &output,
+        0,
+        &["extended 0x04: brown-out 4.3 V", "fuses written"],
+    );
+    let chip = self::chip(SOLD);
+    fs::write(chip.path().join("masked"), "").expect("written");
+    let output = run(&chip, "--programmer usbasp --fuses --yes");
+    assert_ends(
+        &output,
+        0,
+        &["extended 0xfc: brown-out 4.3 V", "fuses written"],
+    );
+    assert_eq!(fuses(&chip)[2], "0x04");
 }
 
 #[test]

@@ -97,10 +97,18 @@ impl Fuses {
         self.high & SPIEN == 0 && self.high & RSTDISBL != 0
     }
 
+    /// The bits that are fuses: the others of the extended byte read as 1 or as 0, and avrdude writes them as 0.
+    fn used(self) -> Self {
+        Self {
+            extended: self.extended & BODLEVEL,
+            ..self
+        }
+    }
+
     /// What writes those of `after` that differ.
     fn writes(self, after: Self) -> Vec<String> {
         let high = (self.high != after.high).then(|| format!("hfuse:w:{:#04x}:m", after.high));
-        let extended = self.extended != after.extended;
+        let extended = self.used().extended != after.used().extended;
         let extended = extended.then(|| format!("efuse:w:{:#04x}:m", after.extended));
         high.into_iter().chain(extended).collect()
     }
@@ -160,7 +168,7 @@ pub fn set(programmer: &Programmer, bod: Bod, is_sure: bool) -> Result<(), Error
     }
     programmer.write(&writes)?;
     let read = read(programmer)?;
-    if read != after {
+    if read.used() != after.used() {
         return Err(Error::failed(format!(
             "the fuses were not taken over; they are: {read}"
         )));

@@ -200,6 +200,13 @@ pub const ALL: &[Need] = &[
         by_hand: "Fedora, Arch, macOS with Homebrew: sigrok-cli",
     },
     Need {
+        name: "avrdude",
+        purpose: Purpose::Checks,
+        found: || program("avrdude"),
+        debian: &["avrdude"],
+        by_hand: "Fedora, Arch, macOS with Homebrew: avrdude",
+    },
+    Need {
         name: "firmware clippy",
         purpose: Purpose::Checks,
         found: || {

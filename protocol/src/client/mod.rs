@@ -5,8 +5,9 @@
 //! unit that was asked, with its function, of exactly the length that the request demands, with its echo. What is in the
 //! answer is then read from the frame, without a copy, by the `answer` of the request's type.
 //!
-//! A request says nothing of who is asked: the same may be sent to many units. Waiting, retries and turns are not here but
-//! in `multidrop_firmware::client`.
+//! A request says nothing of who is asked: the same may be sent to many units. [`Asking`] is the course of one: what ends
+//! the wait, what is tried again; [`Debts`] are the answers that a line still owes, which must not be taken for others. Both
+//! are without a clock: time comes in as an argument.
 //!
 //! # Example
 //!
@@ -27,7 +28,9 @@
 //! assert_eq!(client::judge(&request, 17, 0x03, &answer[..7]), Err(AnswerError::Length(7)));
 //! ```
 
+mod asking;
 mod bits;
+mod debts;
 mod diagnostics;
 mod error;
 mod fifo;
@@ -37,7 +40,9 @@ mod raw;
 mod registers;
 mod status;
 
+pub use asking::{Asking, Failure, Heard, Moment, Next};
 pub use bits::{ReadBits, WriteCoil, WriteCoils, WritePackedCoils};
+pub use debts::Debts;
 pub use diagnostics::{Diagnostic, ReturnQueryData};
 pub use error::{AnswerError, RequestError};
 pub use fifo::ReadFifo;

@@ -56,7 +56,7 @@ async fn hear(port: &'static Rs2) -> ! {
 #[embassy_executor::task]
 async fn obey(as1: &'static As1, rs2: &'static Rs2) -> ! {
     signed(|task| ROLL.sign::<3>(task), async move {
-        let client = rs2.client(ClientConfig::new().timeout_ms(1000));
+        let client = rs2.client(ClientConfig::new().timeout_ms(1000).late_guard_ms(20));
         loop {
             Timer::after(Duration::from_millis(5)).await;
             let order = as1

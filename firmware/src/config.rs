@@ -87,7 +87,7 @@ impl PortConfig {
         self
     }
 
-    /// How long a master waits for an answer, in ms.
+    /// How long a master waits for the beginning of an answer, in ms.
     ///
     /// # Panics
     /// At compile time, with port and value, outside of 1..=65535.
@@ -372,4 +372,6 @@ pub(crate) const fn client_config(settings: &Settings) -> ClientConfig {
         .timeout_ms(settings.timeout_ms)
         .retries(settings.retries)
         .turnaround_ms(settings.turnaround_ms)
+        .late_guard_ms(settings.late_guard_ms)
+        .request_gap_ms(settings.request_gap_ms)
 }

@@ -26,6 +26,7 @@ pub mod route;
 pub mod scan;
 pub mod serve;
 pub mod shared;
+mod slot;
 pub mod sniff;
 pub mod stack;
 pub mod yardstick;

@@ -106,6 +106,13 @@ pub trait Line: Sized {
     /// Safe: the frame stays with the line until the next call.
     fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>>;
 
+    /// Waits until no frame is coming in that may be a good one: at once if none has begun. Gives what is wrong with one that is
+    /// still coming in, nothing if there is none.
+    ///
+    /// # Cancellation
+    /// Safe.
+    fn quiet(&self) -> impl Future<Output = Flaws>;
+
     /// Waits until the buffer is free and the wire silent, or about to be, and lends the buffer to send
     /// from. What is [released](Frame::release) starts at t3.5 after the last character heard, at once
     /// if that has passed, and not at all if somebody has begun to talk: [`Frame::sent`] tells.

@@ -16,7 +16,9 @@
 //!
 //! The answer or exception of the unit. Else exception 0A, where the request could not go out: the port behind is no
 //! master, nobody is asked since too many wait already, or the line behind is never silent. Or 0B, where it did and no
-//! good answer came within the route's own timeout, which is to be shorter than the asker's (APP 7).
+//! good answer came within the route's own timeout, which is to be shorter than the asker's (APP 7). A unit that has not
+//! answered a request before to the same function is asked when the guard time of the client behind is over: an asker has to
+//! wait for that too.
 //!
 //! # Several askers
 //!
@@ -247,8 +249,8 @@ impl Request for Forwarded<'_> {
         Ok(())
     }
 
-    /// What comes late may answer another request with the same function: a read is told by its length, a write by what it
-    /// echoes. Of other functions nothing is known here.
+    /// A read is told by its length, a write by what it echoes: behind the guard time, an answer may be another request's. Of other
+    /// functions nothing is known here.
     fn check(&self, answer: &[u8]) -> Result<(), AnswerError> {
         let frame = self.frame.borrow();
         let asked = frame.get(1..usize::from(self.len)).unwrap_or(&[]);

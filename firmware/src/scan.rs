@@ -3,7 +3,8 @@
 //! A list is a `static` that the application looks at whenever it likes; [`Scan::run`] is the body of a task. When
 //! several entries are due, the one behind the last one read goes first, and each is read once before any of
 //! them again: a fast one does not keep a slow one from its turn. Periods that pass while an entry waits are left
-//! out: it is read once, and next a period later.
+//! out: it is read once, and next a period later. An entry whose unit still owes an answer
+//! [of its kind](crate::client) lets the next one go first.
 //!
 //! ```ignore
 //! static SCAN: StaticCell<Scan<2, 6>> = StaticCell::new();
@@ -22,7 +23,7 @@ use embassy_time::{Duration, Instant, Timer};
 use multidrop_protocol::client::{ReadBits, ReadRegisters, Request};
 use multidrop_protocol::function;
 
-use crate::client::{Client, ClientError, duration, ticks};
+use crate::client::{Client, ClientError, Turn, duration, now, ticks};
 use crate::line::Line;
 
 /// One block that is read.
@@ -35,7 +36,7 @@ pub struct Entry {
     period: Ticks,
 }
 
-/// A time in ticks of `embassy-time`: 32 bits are enough for it, and are added in half the time.
+/// A time in ticks of `embassy-time`, 32 bits that wrap.
 type Ticks = u32;
 
 impl Entry {
@@ -94,10 +95,6 @@ impl Entry {
         assert!(ms > 0, "period_ms is 0, must be 1..=65535");
         self.period = ticks(ms);
         self
-    }
-
-    const fn period(&self) -> Duration {
-        duration(self.period)
     }
 }
 
@@ -218,33 +215,69 @@ impl<const E: usize, const C: usize> Scan<E, C> {
     /// # Cancellation
     /// Safe: the list may be run again.
     pub async fn run<L: Line + 'static, const N: usize>(&self, client: Client<L, N>) -> ! {
-        let mut now = Instant::now();
-        let mut due = [now; E];
+        let mut due = [now(); E];
         let mut entry = E - 1;
+        // Until something that is due may be asked.
+        let mut parked = None;
         loop {
-            if !next_due(&due, now, &mut entry) {
-                let soonest = due.iter().copied().min().unwrap_or(now);
-                Timer::at(soonest).await;
-                now = Instant::now();
+            if let Err(soonest) = self.next(&due, &mut { entry }, |_| None) {
+                Timer::after(duration(soonest.wrapping_sub(now()))).await;
                 continue;
             }
-            let period = self.entries[entry].period();
-            due[entry] += period;
-            if due[entry] <= now {
-                due[entry] = now + period;
+            let turn = client.turn(parked.take()).await;
+            let owed = |of: &Entry| match &turn {
+                Ok(_) => client.parked(of.unit, of.function),
+                Err(_) => None,
+            };
+            if let Err(soonest) = self.next(&due, &mut entry, owed) {
+                parked = Some(soonest);
+                continue;
             }
-            let result = self.read(entry, &client).await;
-            now = Instant::now();
+            let now = now();
+            let period = self.entries[entry].period;
+            due[entry] = due[entry].wrapping_add(period);
+            if is_past(due[entry], now) {
+                due[entry] = now.wrapping_add(period);
+            }
+            let result = match turn {
+                Ok(turn) => self.read(entry, &client, turn).await,
+                Err(error) => Err(error),
+            };
             let mut health = self.health[entry].get();
-            health.note(result, now);
+            health.note(result, Instant::now());
             self.health[entry].set(health);
         }
+    }
+
+    /// Moves `entry` on to the next one that is due and not held up by answers that are `owed` until then, going round; else
+    /// says when the first of them will be.
+    fn next(
+        &self,
+        due: &[Ticks; E],
+        entry: &mut usize,
+        owed: impl Fn(&Entry) -> Option<Ticks>,
+    ) -> Result<(), Ticks> {
+        let now = now();
+        let mut soonest = u32::MAX;
+        for _ in 0..E {
+            *entry = if *entry + 1 < E { *entry + 1 } else { 0 };
+            let mut until = due[*entry];
+            if is_past(until, now) {
+                let Some(owed) = owed(&self.entries[*entry]) else {
+                    return Ok(());
+                };
+                until = owed;
+            }
+            soonest = soonest.min(until.wrapping_sub(now));
+        }
+        Err(now.wrapping_add(soonest))
     }
 
     async fn read<L: Line + 'static, const N: usize>(
         &self,
         entry: usize,
         client: &Client<L, N>,
+        turn: Turn<N>,
     ) -> Result<(), ClientError> {
         let Entry {
             unit,
@@ -267,7 +300,8 @@ impl<const E: usize, const C: usize> Scan<E, C> {
             Some(bits) => bits,
             None => &registers,
         };
-        let Some(reply) = client.transact(unit, request).await? else {
+        let asked = client.run_with(unit, request, turn);
+        let Some(reply) = asked.await? else {
             return Ok(());
         };
         let mut cells = self.cells.borrow_mut();
@@ -289,20 +323,7 @@ impl<const E: usize, const C: usize> Scan<E, C> {
     }
 }
 
-/// Moves `entry` on to the next one that is due, going round; false if none is.
-fn next_due(due: &[Instant], now: Instant, entry: &mut usize) -> bool {
-    let begun = *entry;
-    loop {
-        *entry = if *entry + 1 < due.len() {
-            *entry + 1
-        } else {
-            0
-        };
-        if due[*entry] <= now {
-            return true;
-        }
-        if *entry == begun {
-            return false;
-        }
-    }
+/// Whether it is `at` or later.
+fn is_past(at: Ticks, now: Ticks) -> bool {
+    now.wrapping_sub(at) <= u32::MAX / 2
 }

@@ -573,7 +573,8 @@ fn a_request_given_up_at_any_moment_leaves_no_answer_behind() {
             if let Some(second) = second {
                 desk.spawn(second);
             }
-            desk.run(SENDS + TIMEOUT + 2 * (SENDS + DELAY + 5));
+            // For as long as an answer in time, and the guard behind it.
+            desk.run(SENDS + 2 * TIMEOUT + 2 * (SENDS + DELAY + 5));
             assert_eq!(
                 *result.borrow(),
                 Some(Ok(0x1009)),

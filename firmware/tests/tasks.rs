@@ -48,6 +48,10 @@ impl Line for TestLine {
         })
     }
 
+    async fn quiet(&self) -> Flaws {
+        Flaws::NONE
+    }
+
     fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
         poll_fn(|_| {
             if self.0.lent.replace(true) {

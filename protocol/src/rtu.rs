@@ -149,12 +149,12 @@ impl Reception {
         self.len == 0 && !self.full && self.flaws.is_empty()
     }
 
-    /// Takes the next byte. Those that no longer fit are dropped and make the frame bad.
+    /// Takes the next byte. Those that no longer fit are dropped and make the frame bad: returns whether it did fit.
     #[inline(always)]
-    pub fn push(&mut self, adu: &mut Adu, byte: u8) {
+    pub fn push(&mut self, adu: &mut Adu, byte: u8) -> bool {
         if self.full {
             self.flaws |= Flaws::LENGTH;
-            return;
+            return false;
         }
         adu[usize::from(self.len)] = byte;
         self.len = self.len.wrapping_add(1);
@@ -162,6 +162,7 @@ impl Reception {
             self.full = true;
         }
         self.sum.push(byte);
+        true
     }
 
     /// Notes what the line found wrong.

@@ -5,7 +5,8 @@ mod common;
 use common::frames::words;
 use common::{LINE, Rules, assert_bus_rules, example, image};
 use multidrop_bus::{
-    Bus, BusConfig, Framing, HostId, HostPort, Level, Nano, NodeId, Pin, Station, Time, framed,
+    Bus, BusConfig, Framing, HostId, HostPort, Level, Line, Nano, NodeId, Pin, Station, Time,
+    framed,
 };
 
 /// A bus with a client, its server, and a host that listens.
@@ -55,6 +56,31 @@ fn asks_every_function_of_the_conformance_image_once() {
     assert_eq!(outcomes, expected);
 
     assert_soon(&gaps);
+}
+
+/// 125 registers take over a second at 2400 baud, and the client waits for half of one for the first of them.
+#[test]
+fn a_slow_line_has_time_for_the_longest_answer() {
+    let slow = Line::n81(2400);
+    let mut bus = Bus::new(BusConfig::default());
+    let client = bus
+        .add_nano(Nano::new(
+            "client",
+            image("client-functions", &["--baud", "2400"]),
+        ))
+        .expect("a valid image");
+    bus.add_nano(Nano::new(
+        "server",
+        image("conformance", &["--baud", "2400"]),
+    ))
+    .expect("a valid image");
+    let host = bus.add_host(HostPort::new(slow));
+    let done = |bus: &mut Bus| bus.node(client).output(Pin::B5) == Level::High;
+    assert!(bus.run_until(done, Time::from_s(60)), "{}", bus.record());
+    bus.run_for(Time::from_ms(100));
+    // What became of function 04 of 125 registers.
+    let answer = bus.transact(host, &words(17, 3, 50, 1), Time::from_ms(500));
+    assert_eq!(answer.expect("an answer").bytes[3..5], [0, 1]);
 }
 
 /// A request begins at t3.5 after the answer to the one before, and no later than two bit times after that.

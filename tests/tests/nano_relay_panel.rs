@@ -266,6 +266,10 @@ fn a_poll_whose_answer_is_spoilt_is_tried_once_more() {
         );
         assert_eq!(rig.shown(), rig.relays, "fault {number}");
         assert!(!rig.is_on(ERROR), "fault {number}");
+        // The poll behind it waits for the second answer, which is owed.
+        rig.check();
+        rig.run(POLL - CHECK);
+        assert_eq!(rig.count(3), 1, "fault {number}");
     }
     rig.check();
 }
@@ -391,8 +395,8 @@ fn a_board_that_is_not_there_is_told_of_and_found_again() {
     rig.run_with(Time::from_s(2), |_, _| vec![]);
     assert!(rig.is_on(ERROR));
     assert_eq!(rig.count(6), 0);
-    // 150 ms, 150 ms, and again.
-    assert!((12..=14).contains(&rig.count(3)), "{}", rig.count(3));
+    // 150 ms, 150 ms, 50 ms in which an answer may be late, and again.
+    assert!((11..=12).contains(&rig.count(3)), "{}", rig.count(3));
     rig.relays = [true, true];
     rig.run(Time::from_ms(900));
     assert!(!rig.is_on(ERROR));

@@ -5,7 +5,7 @@ mod common;
 
 use std::cell::{Cell, RefCell};
 
-use common::four::units::{Played, Reply, Told, asked};
+use common::four::units::{Played, Reply, Told, asked, asked_or_cut};
 use common::four::{AS1, AS2, ASCII, Asker, LINE, RS4, Report, Source, setting};
 use common::plain::wire::Way;
 use common::{Runner, on_both, ports};
@@ -16,6 +16,9 @@ on_both! {
     a_missing_unit_is_told_in_time_and_keeps_nobody,
     an_answer_that_comes_in_the_wait_for_another_is_dropped_if_it_can_be_told_from_it,
     an_answer_behind_its_time_is_dropped_while_nobody_waits_or_a_poll_does,
+    a_late_answer_never_becomes_the_value_of_another_register,
+    a_long_answer_is_heard_to_its_end,
+    one_silent_unit_among_four_holds_nobody_else_up,
     two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two_others,
     an_asker_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else,
     units_are_renumbered_there_and_back_and_a_ports_own_unit_goes_first,
@@ -122,7 +125,8 @@ fn a_missing_unit_is_told_in_time_and_keeps_nobody(runner: Runner) {
     for round in 0..10 {
         let request = read(1, ROUTED, 1);
         let told = expect(&mut played, Way::Rtu, &request, &exception(&request, 0x0B));
-        assert!(told.turnaround < Time::from_ms(125), "{}", told.turnaround);
+        // Behind a poll of this unit, the guard behind that, and polls of the other two.
+        assert!(told.turnaround < Time::from_ms(175), "{}", told.turnaround);
         let request = read(11, ROUTED, 1);
         let answer = exception(&request, 0x0B);
         expect(&mut played, Way::Ascii, &request, &answer);
@@ -186,7 +190,7 @@ fn an_answer_that_comes_in_the_wait_for_another_is_dropped_if_it_can_be_told_fro
         assert_eq!(told[0], exception(&first, 0x0B));
         assert_eq!(told[1], values(&second, 2), "{second:02x?}");
     }
-    // Nothing in a Modbus frame says which of two such requests it answers.
+    // Nothing in a Modbus frame says which of two such requests it answers, and the guard is over.
     let told = late(runner, &first, &read(1, ROUTED + 1, 2));
     assert_eq!(told, [exception(&first, 0x0B), values(&first, 1)]);
 }
@@ -210,6 +214,116 @@ fn an_answer_behind_its_time_is_dropped_while_nobody_waits_or_a_poll_does(runner
     let (_, bad) = health(&mut played);
     assert_eq!(bad, [0; 3]);
     asked(&played.desk);
+}
+
+/// Unit 1 answers what is routed to it behind RS4's time, in the same shape as the polls of its register 0.
+fn a_late_answer_never_becomes_the_value_of_another_register(runner: Runner) {
+    let delay = Cell::new(Time::ZERO);
+    let mut played = played(runner, |request| match first(request) {
+        0 => at_once(values(request, 0)),
+        _ => vec![(delay.get(), values(request, 1))],
+    });
+    let polled = values(&read(1, 0, 1), 0)[3..].to_vec();
+    for ms in [52, 57, 63, 70, 78, 88, 95] {
+        delay.set(Time::from_ms(ms));
+        let request = read(1, ROUTED, 1);
+        expect(&mut played, Way::Rtu, &request, &exception(&request, 0x0B));
+        for _ in 0..12 {
+            played.run_for(Time::from_ms(10), |_| ());
+            let told = played.ask(Way::Rtu, &body(10, 4, 0, 1)).body;
+            assert_eq!(told[3..], polled, "answered after {ms} ms");
+        }
+    }
+    let (good, bad) = health(&mut played);
+    assert!(good.iter().all(|count| *count > 8), "{good:?}");
+    assert_eq!(bad, [0; 3]);
+    asked(&played.desk);
+}
+
+/// 255 characters take 66 ms, and RS4 waits for 50 ms for the first of them.
+fn a_long_answer_is_heard_to_its_end(runner: Runner) {
+    let mut played = played(runner, |request| at_once(values(request, 0)));
+    for count in [87, 88, 125] {
+        let request = read(2, ROUTED, count);
+        expect(&mut played, Way::Rtu, &request, &values(&request, 0));
+    }
+    let (_, bad) = health(&mut played);
+    assert_eq!(bad, [0; 3]);
+    asked(&played.desk);
+}
+
+/// Registers of RS4: their numbers.
+const SLAVEID: u16 = 5;
+const STATUS: u16 = 11;
+const START: u16 = 27;
+
+/// Loads a register of RS4; whether it took the value.
+fn load(played: &mut Played, number: u16, value: u32) -> bool {
+    let mut request = body(OWN[0], 16, setting(RS4, number), 2);
+    let answer = request.clone();
+    request.push(4);
+    request.extend(value.to_be_bytes());
+    played.ask(Way::Rtu, &request).body == answer
+}
+
+/// Three units are polled every 100 ms, a fourth one is asked by the registers of RS4 again and again; one of the four is not
+/// there. The others are asked as often as if it were.
+fn one_silent_unit_among_four_holds_nobody_else_up(runner: Runner) {
+    const SPAN: Time = Time::from_ms(4_000);
+    for silent in [4, 2] {
+        let mut played = played(runner, |request| {
+            if request[0] == silent {
+                return Vec::new();
+            }
+            at_once(values(request, 0))
+        });
+        assert!(load(&mut played, SLAVEID, 4));
+        let begin = played.desk.bus.now();
+        let mut seen = Vec::new();
+        while played.desk.bus.now() < begin + SPAN {
+            // Refused as long as one is under way.
+            load(&mut played, START, 1);
+            let asked = played.desk.bus.now();
+            let told = played.ask(Way::Rtu, &read(OWN[0], setting(RS4, STATUS) + 1, 1));
+            seen.push((asked, told.body[4]));
+        }
+        let asked = asked(&played.desk);
+        let of = |unit: u8| {
+            let own = asked.iter().filter(move |asked| asked.body[0] == unit);
+            own.filter(|asked| (begin..begin + SPAN).contains(&asked.start))
+        };
+        for unit in [1, 2, 3] {
+            let starts: Vec<Time> = of(unit).map(|asked| asked.start).collect();
+            let periods = starts.len() as u64 - 1;
+            let mean = (starts[starts.len() - 1] - starts[0]).us() / periods as f64;
+            println!("unit {unit}, silent {silent}: every {mean:.0} us");
+            if unit != silent {
+                assert!((95_000.0..=105_000.0).contains(&mean), "unit {unit}");
+            }
+        }
+        assert!(of(4).count() > 30, "{}", of(4).count());
+        // STATUS is 2 from the end of its own request on, and 1 while it waits for its turn, whoever else is asked.
+        for &(when, status) in &seen {
+            let out = of(4).find(|asked| {
+                let answer = asked.answered.unwrap_or(asked.over);
+                when > asked.start && when + Time::from_ms(6) < answer
+            });
+            let near = of(4).any(|asked| {
+                let over = asked.over + Time::from_ms(2);
+                when + Time::from_ms(6) > asked.start && when < over
+            });
+            match status {
+                2 => assert!(near, "{when}: 2, and nothing is out"),
+                1 => assert!(
+                    out.is_none_or(|out| when < out.start + Time::from_ms(4)),
+                    "{when}: 1"
+                ),
+                _ => {}
+            }
+        }
+        let waits = seen.iter().filter(|(_, status)| *status == 1).count();
+        assert!(silent != 4 || waits > 20, "{waits} times 1");
+    }
 }
 
 fn two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two_others(
@@ -352,7 +466,7 @@ fn an_asker_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else(runn
     }
     let (_, bad) = health(&mut played);
     assert_eq!(bad, [0; 3]);
-    asked(&played.desk);
+    asked_or_cut(&played.desk);
 }
 
 fn units_are_renumbered_there_and_back_and_a_ports_own_unit_goes_first(runner: Runner) {

@@ -36,8 +36,8 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .format(options::format(LineFormat::F8N1));
 
 /// 70 % of the poll and less, as iDevOS has it.
-const READ: ClientConfig = ClientConfig::new().timeout_ms(150).retries(1);
-const TOGGLE_ONCE: ClientConfig = ClientConfig::new().timeout_ms(150);
+const TOGGLE_ONCE: ClientConfig = ClientConfig::new().timeout_ms(150).late_guard_ms(50);
+const READ: ClientConfig = TOGGLE_ONCE.retries(1);
 
 const POLL: Duration = Duration::from_millis(250);
 const ERROR_SHOWN: Duration = Duration::from_millis(500);

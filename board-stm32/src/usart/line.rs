@@ -186,6 +186,10 @@ impl Line for Usart {
         })
     }
 
+    fn quiet(&self) -> impl Future<Output = Flaws> {
+        poll_fn(|context| self.poll_user(context, |state| state.machine.quiet(&mut state.chip)))
+    }
+
     fn may_be(&self, duplex: Duplex) -> bool {
         duplex == Duplex::Half || WIRING[usize::from(self.port)].de.is_none()
     }

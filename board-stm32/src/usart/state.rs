@@ -165,7 +165,10 @@ impl State {
                 {
                     chip.begin_silence();
                     let byte = chip.registers.take();
-                    return chip.push(byte);
+                    if !chip.push(byte) {
+                        self.machine.on_too_long(chip);
+                    }
+                    return;
                 }
                 _ => {}
             }
@@ -221,12 +224,12 @@ impl Chip {
         self.registers.clear_start_bit();
     }
 
-    /// The next byte of the RTU frame.
+    /// The next byte of the RTU frame; returns whether there was room for it.
     #[inline(always)]
-    fn push(&mut self, byte: u8) {
+    fn push(&mut self, byte: u8) -> bool {
         // SAFETY: the machine collects a frame, and has a byte stored, only while the buffer is the line's.
         let adu = unsafe { &mut *self.adu.get() };
-        self.reception.push(adu, byte);
+        self.reception.push(adu, byte)
     }
 
     #[inline(always)]

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use multidrop_protocol::client::{AnswerError, RequestError};
+use multidrop_protocol::client::{AnswerError, Failure, RequestError};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::rtu::Flaws;
 
@@ -64,22 +64,21 @@ impl ClientError {
             Self::NoSilence | Self::CutOff | Self::Timeout | Self::Damaged(_) => Blame::Wire,
         }
     }
-
-    /// Whether the same request may do better another time.
-    pub(crate) const fn is_passing(self) -> bool {
-        match self {
-            Self::Request(_) | Self::QueueFull | Self::NotMaster | Self::UnknownException(_) => {
-                false
-            }
-            Self::Exception(exception) => matches!(exception, Exception::ServerDeviceBusy),
-            _ => true,
-        }
-    }
 }
 
 impl From<RequestError> for ClientError {
     fn from(error: RequestError) -> Self {
         Self::Request(error)
+    }
+}
+
+impl From<Failure> for ClientError {
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::Timeout => Self::Timeout,
+            Failure::Answer(error) => error.into(),
+            Failure::Damaged(flaws) => Self::Damaged(flaws),
+        }
     }
 }
 

@@ -1,90 +1,125 @@
 //! What the tasks of a port share to ask and to be answered.
 
-use core::cell::Cell;
+use core::cell::{Cell, RefCell, RefMut};
 use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::{Context, Poll};
 
-use embassy_futures::yield_now;
-use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
-use embassy_sync::signal::Signal;
-use embassy_time::{Instant, Timer};
+use multidrop_protocol::client::{Asking, Debts};
 use multidrop_protocol::rtu::Flaws;
 
-use super::{ClientConfig, ClientError, duration};
+use super::time::now;
+use super::transaction::heard_bytes;
+use super::turns::{How, Turn, Turns, Wait};
+use super::{ClientConfig, ClientError};
 use crate::line::{Frame, Line};
+use crate::slot::Slot;
 
 /// What was heard: a frame, lent and provisional, or what was wrong with one.
 pub(super) type Heard<L> = Result<Frame<'static, L>, Flaws>;
 
-/// The right to the line, held by one request at a time.
-pub(crate) type Turn<const N: usize> = SemaphoreReleaser<'static, FairSemaphore<NoopRawMutex, N>>;
+/// Whose answer is waited for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Expected {
+    Nobodys,
+    /// Nobody's any more: one that came too late, and may not stand.
+    Late,
+    /// That of a client.
+    Clients,
+    /// That of the transaction which the registers of a managed port have started.
+    Started,
+}
 
-/// The turns of the clients of one port, and the way of what is heard to the one that waits for it. `N` tasks may
-/// ask, at least 1: one that has just been answered and asks again waits behind those that wait, and one
+/// The turns of the clients of one port, what the line owes them, and the way of what is heard to the one that waits for it.
+/// `N` tasks may ask, 1 to 254: one that has just been answered and asks again waits behind those that wait, and one
 /// of them still has its place in the queue.
 pub struct Exchange<L: Line + 'static, const N: usize> {
-    turn: FairSemaphore<NoopRawMutex, N>,
-    /// Nobody may ask.
-    is_closed: Cell<bool>,
+    pub(super) turns: Turns<N>,
     /// Of clients that have none of their own.
     times: Cell<ClientConfig>,
-    heard: Signal<NoopRawMutex, Heard<L>>,
-    expecting: Cell<bool>,
-    /// The answer to a request may come that nobody waits for any more, until then.
-    is_owed: Cell<bool>,
-    owed_until: Cell<Instant>,
+    pub(super) heard: Slot<Heard<L>>,
+    expected: Cell<Expected>,
+    debts: RefCell<Debts>,
 }
 
 impl<L: Line + 'static, const N: usize> Exchange<L, N> {
     /// Nobody asks.
     pub const fn new() -> Self {
         Self {
-            turn: FairSemaphore::new(1),
-            is_closed: Cell::new(false),
+            turns: Turns::new(),
             times: Cell::new(ClientConfig::new()),
-            heard: Signal::new(),
-            expecting: Cell::new(false),
-            is_owed: Cell::new(false),
-            owed_until: Cell::new(Instant::MIN),
+            heard: Slot::new(),
+            expected: Cell::new(Expected::Nobodys),
+            debts: RefCell::new(Debts::new()),
         }
     }
 
-    /// For the task that takes frames from the line: hands on what it heard to the request that waits; if none
-    /// does, a frame is given back to the line.
+    /// For the task that takes frames from the line: waits for the next one, lent and provisional, or for what was wrong with one.
+    /// Between two of them it sees whether an answer that came too late stands.
+    ///
+    /// # Cancellation
+    /// Safe: the frame stays with the line until the next call.
+    pub fn receive(
+        &self,
+        line: &'static L,
+    ) -> impl Future<Output = Result<Frame<'static, L>, Flaws>> {
+        poll_fn(move |context| {
+            if self.expected.get() == Expected::Late {
+                self.poll_late(line, context);
+            }
+            pin!(line.receive()).poll(context)
+        })
+    }
+
+    /// The frame that is kept came too late for a request; whether it stands says the line.
+    fn poll_late(&self, line: &L, context: &mut Context<'_>) {
+        let Poll::Ready(stands) = pin!(line.settle()).poll(context) else {
+            return;
+        };
+        self.expected.set(Expected::Nobodys);
+        if let Some(Ok(frame)) = self.heard.take()
+            && stands
+        {
+            let at = self.times.get().moment();
+            self.debts().heard(heard_bytes(&frame), &at);
+            self.turns.unpark();
+        }
+        self.heard.waiter.wake();
+    }
+
+    /// Whether the buffer of the line is with an answer that came too late, and may not stand. The task that has the turn is woken
+    /// when it is not: it asks the line for nothing as long as another task waits for the line's verdict.
+    pub(super) fn has_late(&self, context: &Context<'_>) -> bool {
+        let has_late = self.expected.get() == Expected::Late;
+        if has_late {
+            self.heard.waiter.wait(context);
+        }
+        has_late
+    }
+
+    /// Hands on what was [received](Self::receive) to the request that waits; if none does, a frame is looked at for an answer
+    /// that comes too late, and given back to the line.
     pub fn offer(&self, heard: Result<Frame<'static, L>, Flaws>) {
-        if self.expecting.get() {
-            self.heard.signal(heard);
-        } else if heard.is_ok() {
-            self.is_owed.set(false);
+        let is_late = |frame: &Frame<'static, L>| self.is_owed(heard_bytes(frame));
+        match self.expected.get() {
+            Expected::Nobodys | Expected::Late => {
+                if heard.as_ref().is_ok_and(is_late) {
+                    self.expected.set(Expected::Late);
+                    self.heard.put(heard);
+                }
+            }
+            _ => self.heard.put(heard),
         }
     }
 
     /// Whether a request is under way or waits for its turn.
     pub fn is_busy(&self) -> bool {
-        self.turn.try_acquire(1).is_none()
+        self.turns.is_busy()
     }
 
-    /// Whether a request is out and its answer waited for.
-    pub fn awaits_answer(&self) -> bool {
-        self.expecting.get()
-    }
-
-    /// Waits for the line, behind those who asked before.
-    pub(super) async fn turn(&'static self) -> Result<Turn<N>, ClientError> {
-        if self.is_closed.get() {
-            // Who tries again and again lets others run.
-            yield_now().await;
-            return Err(ClientError::NotMaster);
-        }
-        let turn = self.turn.acquire(1).await;
-        let turn = turn.map_err(|_| ClientError::QueueFull)?;
-        // Closed meanwhile: the next one is told the same.
-        match self.is_closed.get() {
-            true => Err(ClientError::NotMaster),
-            false => Ok(turn),
-        }
+    /// Whether the request of a started transaction is out and its answer waited for.
+    pub(crate) fn awaits_started(&self) -> bool {
+        self.expected.get() == Expected::Started
     }
 
     /// The times of clients that have none of their own.
@@ -99,115 +134,59 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
 
     /// From now on nobody may ask; who waits is refused.
     pub(crate) fn close(&self) {
-        self.is_closed.set(true);
+        self.turns.close();
     }
 
     /// All may ask.
     pub(crate) fn open(&self) {
-        self.is_closed.set(false);
+        self.turns.open();
     }
 
-    /// Waits until no request is under way; none begins as long as the result lives.
-    pub(crate) async fn hold(&'static self) -> Turn<N> {
-        loop {
-            match self.turn.acquire(1).await {
-                Ok(turn) => return turn,
-                // More wait than there are places for.
-                Err(_) => yield_now().await,
-            }
+    /// Waits until no request is under way; none begins as long as the result lives. It never fails.
+    pub(crate) fn hold(&'static self) -> impl Future<Output = Result<Turn<N>, ClientError>> {
+        self.turns.turn(Wait::new(How::Held, 0))
+    }
+
+    /// Whether an answer of this kind is owed to a request before.
+    pub(super) fn is_owed(&self, frame: &[u8]) -> bool {
+        self.debts.borrow_mut().is_owed(frame)
+    }
+
+    /// What the line owes, to be changed.
+    pub(super) fn debts(&self) -> RefMut<'_, Debts> {
+        self.debts.borrow_mut()
+    }
+
+    /// Until when the answers that are owed hold up a request with this function code; `None` if it may go out.
+    pub(super) fn parked(&self, asking: &Asking, function: u8) -> Option<u32> {
+        let mut debts = self.debts.borrow_mut();
+        // Right behind an answer there is no time to look at the clock.
+        if debts.is_empty() {
+            return None;
+        }
+        let now = now();
+        match asking.wait(&mut debts, function, now) {
+            0 => None,
+            wait => Some(now.wrapping_add(wait)),
         }
     }
 
-    /// Whether the answer to a request that was given up may still come.
-    pub(super) fn is_owed(&self) -> bool {
-        self.is_owed.get()
+    /// Begins to wait for what is heard.
+    pub(super) fn expect(&self, whose: Expected) {
+        self.expected.set(whose);
     }
 
-    /// Until when it may.
-    pub(super) fn owed_until(&self) -> Instant {
-        self.owed_until.get()
-    }
-
-    /// It came, or did not.
-    pub(super) fn settle(&self) {
-        self.is_owed.set(false);
-    }
-
-    /// Begins to wait for what is heard, as long as the result lives.
-    pub(super) fn expect(&self) -> Expecting<'_, L, N> {
-        self.expecting.set(true);
-        Expecting(self)
-    }
-
-    /// A request goes out. If the result is dropped before [`Debt::settle`], the next request waits for so many
-    /// ticks of `embassy-time` for its answer.
-    pub(super) fn owe(&self, ticks: u32) -> Debt<'_, L, N> {
-        Debt {
-            exchange: self,
-            ticks,
-        }
+    /// Nobody waits for what is heard.
+    #[inline(never)]
+    pub(super) fn expect_nothing(&self) {
+        self.expected.set(Expected::Nobodys);
+        // A frame that came and was not looked at goes back to the line.
+        self.heard.take();
     }
 }
 
 impl<L: Line + 'static, const N: usize> Default for Exchange<L, N> {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-/// What is heard goes to its holder.
-pub(super) struct Expecting<'a, L: Line + 'static, const N: usize>(&'a Exchange<L, N>);
-
-impl<L: Line + 'static, const N: usize> Expecting<'_, L, N> {
-    /// Waits for something, and not longer than until `deadline`: `None`.
-    //
-    // As `with_deadline`, which keeps a timer beside what it waits for, in a future that is there once for each port.
-    pub fn heard_until(&self, deadline: Instant) -> impl Future<Output = Option<Heard<L>>> {
-        poll_fn(
-            move |context| match pin!(self.0.heard.wait()).poll(context) {
-                Poll::Ready(heard) => Poll::Ready(Some(heard)),
-                Poll::Pending => poll_over(deadline, context).map(|()| None),
-            },
-        )
-    }
-}
-
-/// Whether it is `at` or later; if not, the task is woken then.
-#[inline(never)]
-pub(super) fn poll_over(at: Instant, context: &mut Context<'_>) -> Poll<()> {
-    if Instant::now() >= at {
-        return Poll::Ready(());
-    }
-    // A timer asks to be woken when it is polled, and is not waited for itself.
-    let _ = pin!(Timer::at(at)).poll(context);
-    Poll::Pending
-}
-
-impl<L: Line + 'static, const N: usize> Drop for Expecting<'_, L, N> {
-    fn drop(&mut self) {
-        self.0.expecting.set(false);
-        // A frame that came and was not looked at goes back to the line.
-        self.0.heard.reset();
-    }
-}
-
-/// An answer that is to come, or the time that servers take for a broadcast.
-pub(super) struct Debt<'a, L: Line + 'static, const N: usize> {
-    exchange: &'a Exchange<L, N>,
-    ticks: u32,
-}
-
-impl<L: Line + 'static, const N: usize> Debt<'_, L, N> {
-    /// It came, or will not; the time is over.
-    pub fn settle(self) {
-        core::mem::forget(self);
-    }
-}
-
-impl<L: Line + 'static, const N: usize> Drop for Debt<'_, L, N> {
-    fn drop(&mut self) {
-        let until = Instant::now() + duration(self.ticks);
-        self.exchange.owed_until.set(until);
-        self.exchange.is_owed.set(true);
     }
 }

@@ -12,7 +12,7 @@ use multidrop_protocol::client::{
 };
 use multidrop_protocol::data::Registers;
 
-use super::transaction::Destination;
+use super::destination::Destination;
 use super::{Client, ClientError};
 use crate::line::Line;
 
@@ -310,16 +310,14 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         &self,
         unit: u8,
         request: &dyn Request,
-        into: Destination<'_>,
+        mut into: Destination<'_>,
     ) -> Result<(), ClientError> {
-        self.run(unit, request, into).await.map(drop)
+        self.run(unit, request, Some(&mut into)).await.map(drop)
     }
 
     /// A request whose answer says nothing new.
     async fn tell(&self, unit: u8, request: &dyn Request) -> Result<(), ClientError> {
-        self.run(unit, request, Destination::Nothing)
-            .await
-            .map(drop)
+        self.transact(unit, request).await.map(drop)
     }
 
     /// A request that reads, whose answer is looked at when it stands.

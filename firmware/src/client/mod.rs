@@ -20,7 +20,8 @@
 //!
 //! The first good answer or exception. A frame from another unit or with another function, a damaged one, or
 //! one of a wrong length does not: the wait goes on, and if nothing better comes, the last of them is the
-//! error at the timeout; [`ClientError::Timeout`] if there was none. The exceptions that mean *not yet* are
+//! error at the timeout; [`ClientError::Timeout`] if there was none. The timeout bounds the beginning of an answer: a frame
+//! that is being heard then is heard to its end, and is the last one. The exceptions that mean *not yet* are
 //! waited for: 05 extends the wait by one timeout, once; 06 is tried again a timeout later if retries are
 //! left. A frame that is over at t1.5 is judged then; it is believed when it stands at t3.5.
 //!
@@ -28,51 +29,66 @@
 //!
 //! # Answers that come too late
 //!
-//! What is heard while nobody waits is dropped, and no request starts before the line is silent. An answer
-//! that comes after its timeout, or a second time, *and* after the next request has gone out can be told from
-//! the answer to that one only by what it is: unit, function, length, echo. There is nothing else in a Modbus
-//! frame. Where that is not enough, make the timeout longer than the server ever takes.
+//! There is nothing in a Modbus frame that says which request it answers. So the same unit is not asked for the same function
+//! by another request before an answer that was waited for in vain has come, or is
+//! [not expected any more](ClientConfig::late_guard_ms); such a request gives its turn up until then, and all others go first.
+//! A retry does not wait for what it owes itself: the first answer ends it, and a second one is expected then. A line keeps
+//! account of four units and functions at a time ([`Debts`](multidrop_protocol::client::Debts)); where more owe an answer, all
+//! wait. What cannot be helped is an answer that comes behind the guard time.
 //!
-//! A request that is given up by dropping its future still has an answer to come. The next one, from
-//! whatever task, waits for it: until it comes or its timeout is over.
+//! A request that is given up by dropping its future still has an answer to come. Nothing else is asked before it comes, or its
+//! timeout is over; from then on it is owed like others.
 
+mod destination;
 mod error;
 mod exchange;
 mod functions;
 mod port;
+mod time;
 mod transaction;
+mod turns;
 
 pub use error::{Blame, ClientError};
 pub use exchange::Exchange;
 pub use port::{ClientPort, client_receive};
+pub(crate) use time::{duration, now, ticks};
 pub use transaction::Reply;
+pub(crate) use turns::Turn;
 
+use core::future::Future;
 use core::num::NonZeroU16;
 
-use embassy_time::{Duration, TICK_HZ};
+use multidrop_protocol::client::{Asking, Moment};
 
 use crate::line::Line;
+use turns::{How, Wait};
 
 /// How long a client waits, and how often it tries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClientConfig {
     /// In ms, like the next. One is in RAM for each client.
     timeout: NonZeroU16,
+    /// 0 for the timeout.
+    guard: u16,
     turnaround: u16,
+    gap: u16,
     retries: u8,
 }
 
 impl ClientConfig {
-    /// One second, no retries, 100 ms after a broadcast (SER 2.4.1).
+    /// One second for an answer and another for one that is late, no retries, 100 ms after a broadcast (SER 2.4.1), no gap.
     pub const fn new() -> Self {
         Self {
             timeout: NonZeroU16::new(1000).unwrap(),
+            guard: 0,
             turnaround: 100,
+            gap: 0,
             retries: 0,
         }
     }
 
-    /// How long to wait for an answer, in ms: from the end of the request to the end of the answer.
+    /// How long to wait for an answer, in ms: from the end of the request to the beginning of the answer. One that has begun is
+    /// heard to its end.
     ///
     /// # Panics
     /// If it is 0; in a `const` that is a build error.
@@ -96,6 +112,34 @@ impl ClientConfig {
         self
     }
 
+    /// How long after a timeout an answer may still come, in ms, before the same unit is asked for the same function by another
+    /// request; 0 is the timeout. An answer that comes behind that may be taken for the next one's.
+    pub const fn late_guard_ms(mut self, ms: u16) -> Self {
+        self.guard = ms;
+        self
+    }
+
+    /// How long nothing is sent after an answer, in ms: for units that need a pause.
+    pub const fn request_gap_ms(mut self, ms: u16) -> Self {
+        self.gap = ms;
+        self
+    }
+
+    /// Now, and the times from now on.
+    #[inline(never)]
+    fn moment(&self) -> Moment {
+        let guard = match self.guard {
+            0 => self.timeout.get(),
+            ms => ms,
+        };
+        Moment {
+            now: now(),
+            timeout: self.timeout(),
+            guard: ticks(guard),
+            gap: ticks(self.gap),
+        }
+    }
+
     /// In ticks of `embassy-time`, like the next.
     pub(crate) const fn timeout(&self) -> u32 {
         ticks(self.timeout.get())
@@ -110,23 +154,6 @@ impl Default for ClientConfig {
     fn default() -> Self {
         Self::new()
     }
-}
-
-/// A time in ticks of `embassy-time`.
-pub(crate) const fn ticks(ms: u16) -> u32 {
-    const PER_MS: u32 = {
-        assert!(
-            TICK_HZ >= 1000 && TICK_HZ / 1000 <= u32::MAX as u64,
-            "embassy-time must tick every millisecond"
-        );
-        (TICK_HZ / 1000) as u32
-    };
-    (ms as u32).saturating_mul(PER_MS)
-}
-
-/// So many ticks.
-pub(crate) const fn duration(ticks: u32) -> Duration {
-    Duration::from_ticks(ticks as u64)
 }
 
 /// The right to send requests on one port, for `N` tasks, at least 1: they take turns in the order in which
@@ -191,6 +218,22 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
             Some(config) => config,
             None => self.exchange.times(),
         }
+    }
+
+    /// Waits for the line; with `until`, not before then, or before an answer has come.
+    pub(crate) fn turn(
+        &self,
+        until: Option<u32>,
+    ) -> impl Future<Output = Result<Turn<N>, ClientError>> {
+        self.exchange.turns.turn(match until {
+            Some(until) => Wait::new(How::Parked, until),
+            None => Wait::new(How::Asked, 0),
+        })
+    }
+
+    /// Until when answers that are owed hold up a new request to `unit` with `function`; `None` if it may go out.
+    pub(crate) fn parked(&self, unit: u8, function: u8) -> Option<u32> {
+        self.exchange.parked(&Asking::new(unit, 0), function)
     }
 
     /// Whether a request is under way or waits for its turn: another one would wait.

@@ -30,6 +30,7 @@ impl<L: Line + 'static, const N: usize> ClientPort<L, N> {
 /// Safe: a frame not yet handed on is given back to the line.
 pub async fn client_receive<L: Line, const N: usize>(port: &'static ClientPort<L, N>) -> ! {
     loop {
-        port.exchange.offer(port.line.receive().await);
+        let heard = port.exchange.receive(&port.line).await;
+        port.exchange.offer(heard);
     }
 }

@@ -1,21 +1,22 @@
 //! One request, from its turn to its end.
-#![expect(
-    clippy::manual_async_fn,
-    reason = "an async fn keeps each argument twice, and there is one of these futures for each port"
-)]
+//!
+//! A future by hand: there is one for each port and each task that asks, and one made of `async` keeps everything twice. What
+//! is to be done next is not decided here but by [`Asking`].
 
-use core::future::{Future, poll_fn};
-use core::pin::pin;
-use core::task::Poll;
+use core::future::Future;
+use core::pin::{Pin, pin};
+use core::task::{Context, Poll, ready};
 
-use embassy_time::{Instant, Timer};
-use multidrop_protocol::client::{Request, encode, judge};
-use multidrop_protocol::data::Registers;
-use multidrop_protocol::exception::Exception;
+use multidrop_protocol::client::{
+    AnswerError, Asking, Heard, Moment, Next, Request, encode, judge,
+};
 use multidrop_protocol::rtu::Flaws;
 
-use super::exchange::{Turn, poll_over};
-use super::{Client, ClientError, duration};
+use super::destination::Take;
+use super::exchange::Expected;
+use super::time::{now, poll_over};
+use super::turns::{How, Turn, Wait};
+use super::{Client, ClientError};
 use crate::line::{Frame, Line};
 
 /// An answer that stands, in the buffer of the line. As long as it lives the line hears nothing and nobody
@@ -29,46 +30,51 @@ pub struct Reply<L: Line + 'static, const N: usize> {
 impl<L: Line + 'static, const N: usize> Reply<L, N> {
     /// Unit id, function code and data.
     pub fn bytes(&self) -> &[u8] {
-        heard(&self.frame)
+        heard_bytes(&self.frame)
     }
 }
 
-/// Where the data of a read goes.
-pub(super) enum Destination<'a> {
-    /// Nowhere.
-    Nothing,
-    /// Registers.
-    Registers(&'a mut [u16]),
-    /// Coils or discrete inputs.
-    Bits(&'a mut [bool]),
-    /// The same, eight to a byte.
-    Packed(&'a mut [u8]),
+/// How far a request is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    /// It waits for its turn.
+    Turn,
+    /// It has the line, and waits until that is silent.
+    Silence,
+    /// It goes out.
+    Sending,
+    /// Its answer is waited for.
+    Hearing,
+    /// It is not answered; nobody asks until all are done with it.
+    Pause,
+    /// It will ask for another turn.
+    Later,
+    /// It has ended.
+    Over,
 }
 
-impl Destination<'_> {
-    /// Takes the data behind unit id, function code and byte count of an answer that is as the request demands.
-    #[inline(never)]
-    fn take(&mut self, frame: &[u8]) {
-        let data = frame.get(3..).unwrap_or(&[]);
-        match self {
-            Self::Nothing => {}
-            Self::Registers(cells) => Registers::new(data).copy_to(cells),
-            Self::Bits(cells) => {
-                for (eight, &byte) in cells.chunks_mut(8).zip(data) {
-                    let mut byte = byte;
-                    for cell in eight {
-                        *cell = byte & 1 != 0;
-                        byte >>= 1;
-                    }
-                }
-            }
-            Self::Packed(cells) => {
-                for (cell, &byte) in cells.iter_mut().zip(data) {
-                    *cell = byte;
-                }
-            }
-        }
-    }
+/// See [`Client::run`].
+pub(crate) struct Run<'a, L: Line + 'static, const N: usize> {
+    client: &'a Client<L, N>,
+    request: &'a dyn Request,
+    /// Takes the data at t1.5, before it is known whether the answer stands.
+    into: Option<&'a mut dyn Take>,
+    asking: Asking,
+    /// Its `until` is when the stage ends, too.
+    wait: Wait,
+    stage: Stage,
+    /// The end of the wait for silence is set.
+    is_timed: bool,
+    is_answered: bool,
+    /// It is that of a started transaction, whose STATUS tells how far it is.
+    is_started: bool,
+    /// Bytes that go out.
+    len: u8,
+    unit: u8,
+    function: u8,
+    judged: Result<(), AnswerError>,
+    /// What goes out, or was heard and does not stand yet.
+    frame: Option<Frame<'static, L>>,
 }
 
 impl<L: Line + 'static, const N: usize> Client<L, N> {
@@ -82,146 +88,302 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
     ///
     /// # Cancellation
     /// Safe, see [`Client`].
-    pub fn transact(
-        &self,
+    pub fn transact<'a>(
+        &'a self,
         unit: u8,
-        request: &dyn Request,
-    ) -> impl Future<Output = Result<Option<Reply<L, N>>, ClientError>> {
-        self.run(unit, request, Destination::Nothing)
+        request: &'a dyn Request,
+    ) -> impl Future<Output = Result<Option<Reply<L, N>>, ClientError>> + 'a {
+        self.run(unit, request, None)
+    }
+
+    /// The same for a transaction that the registers of a managed port have started: STATUS tells how far it is, and the queue is
+    /// never full.
+    pub(crate) fn start<'a>(&'a self, unit: u8, request: &'a dyn Request) -> Run<'a, L, N> {
+        let mut run = self.run(unit, request, None);
+        run.is_started = true;
+        run.wait.is_patient = true;
+        run
     }
 
     /// The same, and the data goes to `into`: at t1.5, before it is known whether the answer stands. What takes
     /// long is done then, and the next request starts in time.
-    pub(super) fn run(
-        &self,
+    #[inline(never)]
+    pub(super) fn run<'a>(
+        &'a self,
         unit: u8,
-        request: &dyn Request,
-        mut into: Destination<'_>,
-    ) -> impl Future<Output = Result<Option<Reply<L, N>>, ClientError>> {
-        async move {
-            let mut retries = self.config().retries;
-            loop {
-                let turn = self.exchange.turn().await?;
-                let error = 'tried: {
-                    if self.exchange.is_owed() {
-                        // The answer to a request that was given up is dropped; or all are done with a broadcast.
-                        let expecting = self.exchange.expect();
-                        let until = self.exchange.owed_until();
-                        while let Some(Err(_)) = expecting.heard_until(until).await {}
-                        drop(expecting);
-                        self.exchange.settle();
-                    }
-
-                    // Of the wait for silence first, then of that for the answer.
-                    let mut deadline = Instant::MIN;
-                    let (function, answered, debt) = loop {
-                        let Some(mut frame) = self.lend(&mut deadline).await else {
-                            break 'tried ClientError::NoSilence;
-                        };
-                        let encoded = encode(request, unit, frame.adu())?;
-                        let function = frame.bytes()[1];
-                        frame.release(encoded.len);
-                        let debt = self.exchange.owe(if encoded.answered {
-                            self.config().timeout()
-                        } else {
-                            self.config().turnaround()
-                        });
-                        if frame.sent().await {
-                            let sent = &frame.bytes()[..usize::from(encoded.len)];
-                            self.line.show(Ok(sent));
-                            break (function, encoded.answered, debt);
-                        }
-                        debt.settle();
-                        if self.line.was_cut() {
-                            break 'tried ClientError::CutOff;
-                        }
-                        // Somebody has begun to talk.
-                    };
-                    if !answered {
-                        Timer::after(duration(self.config().turnaround())).await;
-                        debt.settle();
-                        return Ok(None);
-                    }
-
-                    let expecting = self.exchange.expect();
-                    deadline = self.timeout();
-                    let mut end = ClientError::Timeout;
-                    let mut acknowledged = false;
-                    let error = loop {
-                        let Some(heard) = expecting.heard_until(deadline).await else {
-                            break end;
-                        };
-                        let error = match heard {
-                            Err(flaws) => ClientError::Damaged(flaws),
-                            Ok(mut frame) => {
-                                let judged = judge(request, unit, function, self::heard(&frame));
-                                if judged.is_ok() {
-                                    into.take(self::heard(&frame));
-                                }
-                                match judged {
-                                    Err(error) if !error.is_exception() => error.into(),
-                                    _ if !frame.settle().await => ClientError::Damaged(Flaws::GAP),
-                                    Ok(()) => {
-                                        debt.settle();
-                                        return Ok(Some(Reply { frame, _turn: turn }));
-                                    }
-                                    Err(error) => error.into(),
-                                }
-                            }
-                        };
-                        match error {
-                            ClientError::Exception(Exception::Acknowledge) if !acknowledged => {
-                                acknowledged = true;
-                                deadline = self.timeout();
-                                end = error;
-                            }
-                            ClientError::Exception(_) | ClientError::UnknownException(_) => {
-                                break error;
-                            }
-                            // Once the server has accepted the request, that is what is to be told.
-                            _ if acknowledged => {}
-                            _ => end = error,
-                        }
-                    };
-                    debt.settle();
-                    error
-                };
-                // Others may ask before this is tried again.
-                drop(turn);
-                if retries == 0 || !error.is_passing() {
-                    return Err(error);
-                }
-                retries -= 1;
-                if matches!(error, ClientError::Exception(_)) {
-                    Timer::after(duration(self.config().timeout())).await;
-                }
-            }
+        request: &'a dyn Request,
+        into: Option<&'a mut dyn Take>,
+    ) -> Run<'a, L, N> {
+        Run {
+            client: self,
+            request,
+            into,
+            asking: Asking::new(unit, self.config().retries),
+            wait: Wait::new(How::Asked, 0),
+            stage: Stage::Turn,
+            is_timed: false,
+            is_answered: false,
+            is_started: false,
+            len: 0,
+            unit,
+            function: 0,
+            judged: Ok(()),
+            frame: None,
         }
     }
 
-    /// When a wait is over that begins now.
-    #[inline(never)]
-    fn timeout(&self) -> Instant {
-        Instant::now() + duration(self.config().timeout())
+    /// The same for somebody who has the turn.
+    pub(crate) fn run_with<'a>(
+        &'a self,
+        unit: u8,
+        request: &'a dyn Request,
+        turn: Turn<N>,
+    ) -> Run<'a, L, N> {
+        turn.keep();
+        let mut run = self.run(unit, request, None);
+        run.stage = Stage::Silence;
+        run
     }
 
-    /// The buffer to send from, or `None` if it is not to be had until a timeout is over. The time is looked at only if
-    /// there is anything to wait for: a request right after an answer has none to lose. `deadline` is set then, if it
-    /// is not yet.
-    fn lend(&self, deadline: &mut Instant) -> impl Future<Output = Option<Frame<'static, L>>> {
-        poll_fn(|context| {
-            if let Poll::Ready(frame) = pin!(self.line.lend()).poll(context) {
-                return Poll::Ready(Some(frame));
+    /// Now, and how long this client waits from now on.
+    #[inline(never)]
+    fn moment(&self) -> Moment {
+        self.config().moment()
+    }
+}
+
+impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
+    /// Gives the line back. Others may ask before it asks again, not before `until` if it is [parked](How::Parked).
+    #[inline(never)]
+    fn leave(&mut self, stage: Stage, how: How, until: u32) {
+        // Who has the turn next finds the buffer free.
+        self.frame = None;
+        self.client.exchange.turns.leave(&mut self.wait, true);
+        self.wait.how = how;
+        self.wait.until = until;
+        self.stage = stage;
+    }
+
+    /// The line is silent, and this its buffer: the request goes out if it may.
+    fn send(&mut self, mut frame: Frame<'static, L>) -> Result<(), ClientError> {
+        let encoded = encode(self.request, self.unit, frame.adu())?;
+        self.function = frame.bytes()[1];
+        if let Some(until) = self.client.exchange.parked(&self.asking, self.function) {
+            drop(frame);
+            self.leave(Stage::Turn, How::Parked, until);
+            return Ok(());
+        }
+        frame.release(encoded.len);
+        self.len = encoded.len;
+        self.is_answered = encoded.answered;
+        self.frame = Some(frame);
+        self.stage = Stage::Sending;
+        Ok(())
+    }
+
+    /// It is out, or may be: its answer is owed, or all take their time for it.
+    #[inline(never)]
+    fn sent(&mut self) {
+        let at = self.client.moment();
+        let mut debts = self.client.exchange.debts();
+        if self.is_answered {
+            self.asking.sent(&mut debts, self.function, &at);
+        } else {
+            let turnaround = self.client.config().turnaround();
+            self.wait.until = at.now.wrapping_add(turnaround);
+            debts.pause(turnaround, at.now);
+        }
+    }
+
+    /// How it goes on. An answer is in `frame` then.
+    fn poll_hearing(&mut self, context: &mut Context<'_>) -> Poll<Next> {
+        let flaws = match &mut self.frame {
+            Some(frame) => match ready!(pin!(frame.settle()).poll(context)) {
+                true => Flaws::NONE,
+                false => Flaws::GAP,
+            },
+            None => match self.client.exchange.heard.poll(context) {
+                Poll::Ready(Ok(frame)) => return Poll::Ready(self.look(frame)),
+                Poll::Ready(Err(flaws)) => flaws,
+                Poll::Pending => {
+                    ready!(poll_over(self.asking.deadline(), context));
+                    // An answer that has begun in time is waited for, as long as it may be a good one.
+                    let quiet = pin!(self.client.line.quiet()).poll(context);
+                    if quiet != Poll::Ready(Flaws::NONE) {
+                        self.asking.hears_out();
+                    }
+                    ready!(quiet)
+                }
+            },
+        };
+        Poll::Ready(self.heard(flaws))
+    }
+
+    /// A frame has come, and may not stand.
+    fn look(&mut self, frame: Frame<'static, L>) -> Next {
+        let bytes = heard_bytes(&frame);
+        self.judged = judge(self.request, self.unit, self.function, bytes);
+        if self.judged.is_ok()
+            && let Some(into) = &mut self.into
+        {
+            into.take(bytes.get(3..).unwrap_or(&[]));
+        }
+        let must_stand = self.client.exchange.is_owed(bytes);
+        self.frame = Some(frame);
+        match must_stand {
+            true => Next::Wait,
+            // It is nobody's answer.
+            false => self.heard(Flaws::NONE),
+        }
+    }
+
+    /// What was heard has these flaws, or is in `frame`; else the time is over.
+    #[inline(never)]
+    fn heard(&mut self, flaws: Flaws) -> Next {
+        let exchange = self.client.exchange;
+        let at = self.client.moment();
+        let heard = match &self.frame {
+            _ if !flaws.is_empty() => Heard::Damaged(flaws),
+            Some(frame) => Heard::Frame(heard_bytes(frame), self.judged),
+            None => Heard::Nothing,
+        };
+        let next = self.asking.heard(&mut exchange.debts(), heard, &at);
+        if next != Next::Answered && self.frame.take().is_some() {
+            // It may have been what others wait for.
+            exchange.turns.unpark();
+        }
+        next
+    }
+}
+
+impl<L: Line + 'static, const N: usize> Future for Run<'_, L, N> {
+    type Output = Result<Option<Reply<L, N>>, ClientError>;
+
+    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        let run = &mut *self;
+        let Client { line, exchange, .. } = *run.client;
+        let end = loop {
+            match run.stage {
+                Stage::Turn => {
+                    if let Err(error) = ready!(exchange.turns.poll(&mut run.wait, context)) {
+                        return Poll::Ready(Err(error));
+                    }
+                    run.is_timed = false;
+                    run.stage = Stage::Silence;
+                }
+                Stage::Silence if exchange.has_late(context) => return Poll::Pending,
+                Stage::Silence => {
+                    if let Poll::Ready(frame) = pin!(line.lend()).poll(context) {
+                        if let Err(error) = run.send(frame) {
+                            break Err(error);
+                        }
+                        continue;
+                    }
+                    // A request right behind an answer has no time to lose: the clock is looked at if there is anything to wait for.
+                    if !run.is_timed {
+                        run.is_timed = true;
+                        run.wait.until = now().wrapping_add(run.client.config().timeout());
+                    }
+                    ready!(poll_over(run.wait.until, context));
+                    if !run.asking.retry() {
+                        break Err(ClientError::NoSilence);
+                    }
+                    run.leave(Stage::Turn, How::Asked, 0);
+                }
+                Stage::Sending => {
+                    if let Some(frame) = &mut run.frame {
+                        let is_out = ready!(pin!(frame.sent()).poll(context));
+                        if is_out {
+                            line.show(Ok(&frame.bytes()[..usize::from(run.len)]));
+                        }
+                        run.frame = None;
+                        if !is_out && line.was_cut() {
+                            if !run.asking.retry() {
+                                break Err(ClientError::CutOff);
+                            }
+                            run.leave(Stage::Turn, How::Asked, 0);
+                            continue;
+                        }
+                        // If not, somebody has begun to talk.
+                        run.stage = Stage::Silence;
+                        if is_out {
+                            run.sent();
+                            run.stage = Stage::Pause;
+                        }
+                        if is_out && run.is_answered {
+                            exchange.expect(match run.is_started {
+                                true => Expected::Started,
+                                false => Expected::Clients,
+                            });
+                            run.stage = Stage::Hearing;
+                        }
+                    }
+                }
+                Stage::Hearing => {
+                    let next = ready!(run.poll_hearing(context));
+                    if next == Next::Wait {
+                        continue;
+                    }
+                    exchange.expect_nothing();
+                    match next {
+                        Next::Failed(failure) => break Err(failure.into()),
+                        Next::Later => {
+                            let until = now().wrapping_add(run.client.config().timeout());
+                            run.leave(Stage::Later, How::Asked, until);
+                        }
+                        Next::Answered => {
+                            run.stage = Stage::Over;
+                            let turn = Turn::taken(&exchange.turns);
+                            return Poll::Ready(Ok(run
+                                .frame
+                                .take()
+                                .map(|frame| Reply { frame, _turn: turn })));
+                        }
+                        _ => run.leave(Stage::Turn, How::Asked, 0),
+                    }
+                }
+                Stage::Pause => {
+                    ready!(poll_over(run.wait.until, context));
+                    break Ok(None);
+                }
+                Stage::Later => {
+                    ready!(poll_over(run.wait.until, context));
+                    run.stage = Stage::Turn;
+                }
+                Stage::Over => return Poll::Pending,
             }
-            if *deadline == Instant::MIN {
-                *deadline = self.timeout();
+        };
+        run.leave(Stage::Over, How::Asked, 0);
+        Poll::Ready(end)
+    }
+}
+
+impl<L: Line + 'static, const N: usize> Drop for Run<'_, L, N> {
+    fn drop(&mut self) {
+        let exchange = self.client.exchange;
+        let is_out = match self.stage {
+            Stage::Over => return,
+            // It may be whole all the same.
+            Stage::Sending => {
+                self.sent();
+                self.is_answered
             }
-            poll_over(*deadline, context).map(|()| None)
-        })
+            Stage::Hearing => {
+                exchange.expect_nothing();
+                true
+            }
+            _ => false,
+        };
+        if is_out {
+            self.asking.given_up(&mut exchange.debts(), now());
+        }
+        let has_line = !matches!(self.stage, Stage::Turn | Stage::Later);
+        self.frame = None;
+        exchange.turns.leave(&mut self.wait, has_line);
     }
 }
 
 /// The bytes of a frame that was heard.
-fn heard<'a, L: Line>(frame: &'a Frame<'static, L>) -> &'a [u8] {
+pub(super) fn heard_bytes<'a, L: Line>(frame: &'a Frame<'static, L>) -> &'a [u8] {
     &frame.bytes()[..usize::from(frame.request_len())]
 }

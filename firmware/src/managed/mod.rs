@@ -36,10 +36,9 @@ pub use failure::{Failure, Outcome};
 pub use tasks::{managed_receive, managed_run, managed_serve};
 
 use core::cell::Cell;
+use core::future::poll_fn;
+use core::task::Poll;
 
-use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-use embassy_sync::channel::Channel;
-use embassy_sync::signal::Signal;
 use multidrop_protocol::port_registers::{
     Change, LineSettings, Mode, PortRegisters, Reason, Refused, Register, Status, Transaction,
 };
@@ -51,6 +50,7 @@ use crate::config::{PortConfig, client_config, line_config};
 use crate::line::{Frame, Line, LineConfig, LineError};
 use crate::route::Gateway;
 use crate::shared::Shared;
+use crate::slot::{Slot, Waiter};
 use crate::sniff::Voice;
 
 /// Events that are kept for [`ManagedPort::event`]; the oldest is dropped for one more. A transaction takes some characters'
@@ -75,15 +75,18 @@ pub struct ManagedPort<L: Line + 'static, P, D = Uncounted, const N: usize = 1> 
     registers: Shared<P>,
     server: Server<D>,
     exchange: Exchange<L, N>,
-    requests: Signal<NoopRawMutex, Frame<'static, L>>,
+    /// Wakes the run task.
+    requests: Slot<Frame<'static, L>>,
     /// What is in effect; the registers may be ahead of it.
     mode: Cell<Mode>,
     config: Cell<LineConfig>,
     started: Cell<Option<Started>>,
-    /// Wakes the run task to follow what was loaded.
-    work: Signal<NoopRawMutex, ()>,
-    done: Signal<NoopRawMutex, Outcome>,
-    events: Channel<NoopRawMutex, Outcome, EVENTS>,
+    /// Something was loaded that the run task is to follow.
+    work: Cell<bool>,
+    done: Slot<Outcome>,
+    /// The oldest first.
+    events: [Cell<Option<Outcome>>; EVENTS],
+    ended: Waiter,
     voice: Option<&'static dyn Voice>,
     router: Option<&'static dyn Gateway>,
 }
@@ -145,13 +148,14 @@ where
             registers: Shared::new(PortRegisters::new(settings, regs, coils)),
             server: Server::with(config.unit().max(1), diagnostics),
             exchange,
-            requests: Signal::new(),
+            requests: Slot::new(),
             mode: Cell::new(settings.mode),
             config: Cell::new(config.line()),
             started: Cell::new(None),
-            work: Signal::new(),
-            done: Signal::new(),
-            events: Channel::new(),
+            work: Cell::new(false),
+            done: Slot::new(),
+            events: [const { Cell::new(None) }; EVENTS],
+            ended: Waiter::new(),
             voice: None,
             router: None,
         }
@@ -202,7 +206,7 @@ where
                 Change::Done => return Ok(()),
                 Change::Mode | Change::Line => {}
                 Change::Start => {
-                    self.done.reset();
+                    self.done.take();
                     let settings = registers.settings();
                     self.started.set(Some(Started {
                         transaction: registers.transaction(),
@@ -211,7 +215,8 @@ where
                     }));
                 }
             }
-            self.work.signal(());
+            self.work.set(true);
+            self.requests.waiter.wake();
             Ok(())
         })
     }
@@ -236,7 +241,7 @@ where
     /// [`Refused`] for an element that an array does not have.
     pub fn read(&self, register: Register) -> Result<u32, Refused> {
         self.registers.with(|registers| {
-            registers.proceed(if self.exchange.awaits_answer() {
+            registers.proceed(if self.exchange.awaits_started() {
                 Status::Receiving
             } else {
                 Status::Transmitting
@@ -259,7 +264,7 @@ where
     /// # Cancellation
     /// Safe: the transaction goes on, and its end is kept until it is asked for or another is started.
     pub async fn done(&self) -> Outcome {
-        self.done.wait().await
+        poll_fn(|context| self.done.poll(context)).await
     }
 
     /// The ends of all transactions, one after the other: DATAOK and DATAERR for a task that does not start them
@@ -268,7 +273,17 @@ where
     /// # Cancellation
     /// Safe.
     pub async fn event(&self) -> Outcome {
-        self.events.receive().await
+        poll_fn(|context| {
+            let [first, second] = &self.events;
+            match first.replace(second.take()) {
+                Some(outcome) => Poll::Ready(outcome),
+                None => {
+                    self.ended.wait(context);
+                    Poll::Pending
+                }
+            }
+        })
+        .await
     }
 
     /// The registers with their arrays.

@@ -9,7 +9,6 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::{Context, Poll, ready};
 
-use embassy_futures::yield_now;
 use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
 use multidrop_protocol::format::Framing;
 use multidrop_protocol::port_registers::{Mode, PortRegisters, Status, Step};
@@ -18,7 +17,7 @@ use multidrop_protocol::rtu::Flaws;
 use multidrop_protocol::server::{DataModel, Diagnostics, Plan};
 
 use super::{Failure, ManagedPort, Outcome, Started};
-use crate::client::{Client, ClientError};
+use crate::client::Client;
 use crate::config::line_config;
 use crate::line::{Frame, Line, LineConfig};
 use crate::route::Gateway;
@@ -32,14 +31,14 @@ pub async fn managed_receive<L: Line, P, D: Diagnostics, const N: usize>(
     port: &'static ManagedPort<L, P, D, N>,
 ) -> ! {
     loop {
-        let heard = port.line.receive().await;
+        let heard = port.exchange.receive(&port.line).await;
         match (port.mode.get(), heard) {
             (Mode::Master, heard) => {
                 port.line.show(seen(&heard));
                 port.exchange.offer(heard);
             }
             (Mode::Sniffer, Ok(frame)) if L::HAS_NEIGHBOURS && !port.prints() => {
-                port.requests.signal(frame)
+                port.requests.put(frame)
             }
             (Mode::Sniffer, Err(flaws)) if L::HAS_NEIGHBOURS && !port.prints() => {
                 port.line.show(Err(flaws))
@@ -48,7 +47,7 @@ pub async fn managed_receive<L: Line, P, D: Diagnostics, const N: usize>(
                 port.give_up_routed();
                 let unit = frame.unit();
                 if port.server.is_concerned(unit) || port.router_to(unit).is_some() {
-                    port.requests.signal(frame);
+                    port.requests.put(frame);
                 }
             }
             (Mode::Slave, Err(flaws)) => port.server.damaged(flaws),
@@ -193,10 +192,10 @@ where
     /// A frame to attend to, empty if it is to be filled, or `None` if something was loaded that is to be followed.
     fn next(&'static self) -> impl Future<Output = Option<Frame<'static, L>>> {
         poll_fn(|context| {
-            if let Poll::Ready(frame) = pin!(self.requests.wait()).poll(context) {
+            if let Poll::Ready(frame) = self.requests.poll(context) {
                 return Poll::Ready(Some(frame));
             }
-            if pin!(self.work.wait()).poll(context).is_ready() {
+            if self.work.take() {
                 return Poll::Ready(None);
             }
             if L::HAS_NEIGHBOURS {
@@ -304,14 +303,7 @@ where
                     step: &step,
                     value: Cell::new(0),
                 };
-                let asked = loop {
-                    let asked = client.transact(step.unit, &request).await;
-                    if !matches!(asked, Err(ClientError::QueueFull)) {
-                        break asked;
-                    }
-                    drop(asked);
-                    yield_now().await;
-                };
+                let asked = client.start(step.unit, &request).await;
                 match asked {
                     Ok(Some(reply)) => self
                         .registers
@@ -342,11 +334,19 @@ where
         };
         self.registers
             .with(|registers| registers.finish(status, error));
-        self.done.signal(outcome);
-        if self.events.is_full() {
-            let _ = self.events.try_receive();
+        self.done.put(outcome);
+        let [first, second] = &self.events;
+        // The oldest is dropped for one more.
+        match (first.get(), second.get()) {
+            (None, _) => first.set(Some(outcome)),
+            (_, older) => {
+                if older.is_some() {
+                    first.set(older);
+                }
+                second.set(Some(outcome));
+            }
         }
-        let _ = self.events.try_send(outcome);
+        self.ended.wake();
     }
 }
 

@@ -172,6 +172,10 @@ impl Line for TestLine {
         })
     }
 
+    async fn quiet(&self) -> Flaws {
+        Flaws::NONE
+    }
+
     fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
         poll_fn(|context| {
             self.0.user.borrow_mut().push(context.waker().clone());

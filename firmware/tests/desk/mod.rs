@@ -28,6 +28,8 @@ pub enum Heard {
     Damaged(Flaws),
     /// Somebody talks for so many ms, and nothing of it is for us.
     Talk(u64),
+    /// It begins now and is over so many ms later.
+    Long(u64, Box<Heard>),
 }
 
 /// Ms from a frame's end to the verdict over it.
@@ -51,6 +53,8 @@ pub struct Wire {
     /// When there is a verdict, and which.
     settles: Cell<Option<(u64, bool)>>,
     busy_until: Cell<u64>,
+    /// A frame comes in until then.
+    heard_until: Cell<u64>,
     /// What is on the wire, from when.
     sending: RefCell<Option<(u64, Vec<u8>)>>,
     withheld: Cell<bool>,
@@ -120,12 +124,17 @@ impl Wire {
         coming.sort_by_key(|(when, _)| *when);
         while coming.first().is_some_and(|(when, _)| *when <= now) {
             let (_, heard) = coming.remove(0);
-            let length = if let Heard::Talk(length) = heard {
-                length
-            } else {
-                SETTLES
+            let length = match heard {
+                Heard::Talk(length) | Heard::Long(length, _) => length,
+                _ => SETTLES,
             };
             self.busy_until.set(self.busy_until.get().max(now + length));
+            if let Heard::Long(length, heard) = heard {
+                self.heard_until.set(now + length);
+                coming.push((now + length, *heard));
+                coming.sort_by_key(|(when, _)| *when);
+                continue;
+            }
             // The receiver is off while a request goes out.
             let deaf = self.sending.borrow().is_some();
             if !deaf && !matches!(heard, Heard::Talk(_)) {
@@ -158,7 +167,7 @@ impl Line for TestLine {
                 Some(Heard::Damaged(flaws)) => return Poll::Ready(Err(flaws)),
                 Some(Heard::Frame(bytes)) => (bytes, true),
                 Some(Heard::Void(bytes)) => (bytes, false),
-                Some(Heard::Talk(_)) => unreachable!("not a frame"),
+                Some(Heard::Talk(_) | Heard::Long(..)) => unreachable!("not a frame"),
             };
             if self.0.lent.replace(true) {
                 // Nowhere to put it.
@@ -172,6 +181,17 @@ impl Line for TestLine {
                 .settles
                 .set(Some((self.0.now.get() + SETTLES, stands)));
             Poll::Ready(Ok(Frame::new(self, adu, bytes.len() as u8)))
+        })
+    }
+
+    fn quiet(&self) -> impl Future<Output = Flaws> {
+        poll_fn(|context| {
+            register(&self.0.user, context);
+            let is_heard = self.0.now.get() < self.0.heard_until.get();
+            match is_heard || !self.0.come.borrow().is_empty() {
+                true => Poll::Pending,
+                false => Poll::Ready(Flaws::NONE),
+            }
         })
     }
 

@@ -57,6 +57,11 @@ impl Ascii {
         self.delimiter = delimiter;
     }
 
+    /// Those of the frame that comes in.
+    pub(super) fn flaws(&self) -> Flaws {
+        self.reception.flaws()
+    }
+
     fn delimiter(&self) -> u8 {
         self.delimiter & self.mask
     }
@@ -102,7 +107,8 @@ impl LineMachine {
             }
         };
         match step {
-            Step::More => {}
+            Step::More if ascii.flaws().is_empty() => {}
+            Step::More => self.tell_silence(wire),
             Step::Byte { at, byte } => {
                 if self.buffer == Buffer::Free {
                     wire.store(at, byte);

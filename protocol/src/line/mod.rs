@@ -188,6 +188,7 @@ impl LineMachine {
         let byte = wire.take();
         // Only a frame without flaws is stored: one that is damaged may come while the buffer is lent.
         if !self.flaws.is_empty() {
+            self.tell_silence(wire);
             return None;
         }
         if self.buffer != Buffer::Free {
@@ -197,6 +198,23 @@ impl LineMachine {
             return None;
         }
         Some(byte)
+    }
+
+    /// The frame that comes in has no room: for a driver that has stored a character without asking
+    /// [`on_character`](LineMachine::on_character).
+    #[inline(always)]
+    pub fn on_too_long<W: Wire>(&mut self, wire: &mut W) {
+        self.flaws |= Flaws::LENGTH;
+        self.tell_silence(wire);
+    }
+
+    /// Wakes whoever waits for the verdict, for silence, or for a good frame.
+    #[inline(always)]
+    fn tell_silence<W: Wire>(&mut self, wire: &mut W) {
+        if self.silence_awaited {
+            self.silence_awaited = false;
+            wire.wake_user();
+        }
     }
 
     /// The alarm went off: some silence is over.
@@ -269,10 +287,7 @@ impl LineMachine {
         if !wire.alarm(Interval::ToStart) {
             self.on_t3_5(wire);
         }
-        if self.silence_awaited {
-            self.silence_awaited = false;
-            wire.wake_user();
-        }
+        self.tell_silence(wire);
     }
 
     /// A start bit was seen: a character comes within the time of one, or it was none. One that begins from now on is another's,
@@ -508,6 +523,41 @@ impl LineMachine {
         Some(self.verdict != Verdict::Void)
     }
 
+    /// Whether no frame is coming in that may be a good one, nor waits to be [fetched](LineMachine::fetch): then the flaws of what is
+    /// coming in, none if nothing is. `None` while there is such a frame; [`Wire::wake_user`] is called when that ends.
+    #[inline]
+    pub fn quiet<W: Wire>(&mut self, wire: &mut W) -> Option<Flaws> {
+        let flaws = match self.phase {
+            Phase::Collecting | Phase::Begun | Phase::Complete | Phase::CompleteBegun => {
+                match wire.ascii() {
+                    Some(ascii) => ascii.flaws(),
+                    None if self.flaws == Flaws::KEPT => Flaws::NONE,
+                    None => self.flaws,
+                }
+            }
+            // A character that has begun is there before t3.5 is over.
+            Phase::Settled | Phase::Silent if wire.start_bit_seen() => {
+                wire.clear_start_bit();
+                self.phase = Phase::Sent;
+                wire.alarm(Interval::T3_5);
+                wire.alarm_on();
+                Flaws::NONE
+            }
+            Phase::Settled | Phase::Silent if self.is_fetched() => return Some(Flaws::NONE),
+            _ => Flaws::NONE,
+        };
+        if flaws.is_empty() {
+            self.silence_awaited = true;
+            None
+        } else {
+            Some(flaws)
+        }
+    }
+
+    fn is_fetched(&self) -> bool {
+        self.buffer != Buffer::Full && self.damaged_count == 0
+    }
+
     /// Whether an answer is on the wire, or DE up for it.
     #[inline]
     pub fn is_sending(&self) -> bool {
@@ -574,10 +624,7 @@ impl LineMachine {
                 None => self.transmission = Transmission::new(),
             }
         }
-        if self.silence_awaited {
-            self.silence_awaited = false;
-            wire.wake_user();
-        }
+        self.tell_silence(wire);
     }
 }
 

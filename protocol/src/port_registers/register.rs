@@ -15,7 +15,7 @@ use core::fmt;
 /// | REGOFF, REGCNT | 0..=65535; 1..=125, to write 1..=123, with FUNC 6 1, with FUNC 23 1..=121 |
 /// | COILOFF, COILCNT | 0..=65535; 1..=2000, to write 1..=1968, with FUNC 5 1 |
 /// | STATUS, ERROR | read only, see [`Status`](super::Status); exception code or 0 |
-/// | TIMEOUT | 1..=65535 ms |
+/// | TIMEOUT | 1..=65535 ms from the end of a request to the beginning of its answer |
 /// | RETRIES | 0..=255 |
 /// | TURNAROUND | 0..=65535 ms after a broadcast |
 /// | DATAOK, DATAERR | read only: transactions that ended well, and badly, modulo 65536 |

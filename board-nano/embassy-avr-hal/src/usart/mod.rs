@@ -187,6 +187,19 @@ fn poll_sent(context: &Context) -> Poll<bool> {
 }
 
 #[inline(never)]
+fn poll_quiet<DE: DriverEnable, F: Framings>(context: &Context) -> Poll<Flaws> {
+    executor::USER.register(context.waker());
+    let quiet = with(|state| {
+        let (machine, mut wire) = state.parts::<DE, F>();
+        machine.quiet(&mut wire)
+    });
+    match quiet {
+        Some(flaws) => Poll::Ready(flaws),
+        None => Poll::Pending,
+    }
+}
+
+#[inline(never)]
 fn poll_heard(context: &Context) -> Poll<Result<u8, Flaws>> {
     executor::RECEIVER.register(context.waker());
     match with(|state| state.machine.fetch()) {
@@ -222,6 +235,10 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLO
         poll_fn(|context| poll_heard(context))
             .await
             .map(|len| self.frame(len))
+    }
+
+    fn quiet(&self) -> impl Future<Output = Flaws> {
+        poll_fn(|context| poll_quiet::<DE, F>(context))
     }
 
     fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {

@@ -1,0 +1,311 @@
+//! Who may use the line: one request at a time, in the order in which they asked. One that has to wait for something else gives
+//! its turn up and is parked: it asks anew, and those behind it go first as long as it waits.
+
+use core::cell::RefCell;
+use core::future::{Future, poll_fn};
+use core::task::{Context, Poll, Waker};
+
+use super::ClientError;
+use super::time::poll_over;
+
+/// What a place is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum State {
+    Free,
+    /// Somebody waits for the line.
+    Waits,
+    /// The same, but those behind it go first.
+    Parked,
+}
+
+struct Place {
+    state: State,
+    /// Whoever has asked before has a lower one, as far as 8 bits tell.
+    ticket: u8,
+    waker: Option<Waker>,
+}
+
+impl Place {
+    #[inline(never)]
+    fn wake(&mut self) {
+        if let Some(waker) = self.waker.take() {
+            waker.wake();
+        }
+    }
+}
+
+/// Why somebody waits.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum How {
+    /// To ask.
+    Asked,
+    /// To ask, but not before some time, unless an answer comes.
+    Parked,
+    /// So that nobody asks.
+    Held,
+    /// To be told that nobody may ask.
+    Refused,
+}
+
+/// Somebody who waits, or has the line.
+pub(super) struct Wait {
+    /// When one that is parked is so no more.
+    pub until: u32,
+    pub how: How,
+    /// Where there is no place left it tries again.
+    pub is_patient: bool,
+    /// One more than its place; 0 if it has none.
+    place: u8,
+}
+
+impl Wait {
+    pub const fn new(how: How, until: u32) -> Self {
+        Self {
+            until,
+            how,
+            is_patient: matches!(how, How::Held),
+            place: 0,
+        }
+    }
+}
+
+/// The line, and who waits for it. Used as a slice, so that the code is there once for all `N`.
+struct Queue<P: ?Sized> {
+    /// Somebody has the line.
+    is_taken: bool,
+    /// Nobody may ask.
+    is_closed: bool,
+    /// The last ticket.
+    last: u8,
+    places: P,
+}
+
+impl Queue<[Place]> {
+    /// The one that the line is for; a number that no place has if there is none.
+    #[inline(never)]
+    fn first(&self) -> u8 {
+        let (mut first, mut longest, mut number) = (u8::MAX, 0, 0);
+        for place in &self.places {
+            let waits = self.last.wrapping_sub(place.ticket);
+            if place.state == State::Waits && (first == u8::MAX || waits > longest) {
+                (first, longest) = (number, waits);
+            }
+            number += 1;
+        }
+        first
+    }
+
+    /// Whether the line is free, and for this one.
+    fn is_for(&self, number: u8) -> bool {
+        !self.is_taken && self.first() == number
+    }
+
+    fn enter(&mut self, how: How) -> Option<u8> {
+        let mut number = 0;
+        for place in &mut self.places {
+            number += 1;
+            if place.state == State::Free {
+                self.last = self.last.wrapping_add(1);
+                place.ticket = self.last;
+                place.state = match how {
+                    How::Parked => State::Parked,
+                    _ => State::Waits,
+                };
+                return Some(number);
+            }
+        }
+        None
+    }
+
+    /// The line is given back, if it `was_taken`, and the place. Whoever is to have the line is woken.
+    #[inline(never)]
+    fn leave(&mut self, wait: &mut Wait, was_taken: bool) {
+        self.is_taken &= !was_taken;
+        self.free(wait);
+        self.go_on();
+    }
+
+    fn give_back(&mut self) {
+        self.is_taken = false;
+        self.go_on();
+    }
+
+    #[inline(never)]
+    fn go_on(&mut self) {
+        if !self.is_taken
+            && let Some(place) = self.places.get_mut(usize::from(self.first()))
+        {
+            place.wake();
+        }
+    }
+
+    fn free(&mut self, wait: &mut Wait) {
+        if let Some(place) = self.places.get_mut(usize::from(wait.place).wrapping_sub(1)) {
+            place.state = State::Free;
+        }
+        wait.place = 0;
+    }
+
+    fn unpark(&mut self) {
+        for place in &mut self.places {
+            if place.state == State::Parked {
+                place.state = State::Waits;
+            }
+            place.wake();
+        }
+    }
+
+    /// Whether it has the line now.
+    #[inline(never)]
+    fn poll(
+        &mut self,
+        wait: &mut Wait,
+        context: &mut Context<'_>,
+    ) -> Poll<Result<(), ClientError>> {
+        if self.is_closed && wait.how != How::Held {
+            if wait.place != 0 || wait.how == How::Refused {
+                return Poll::Ready(Err(ClientError::NotMaster));
+            }
+            // Who tries again and again lets others run.
+            wait.how = How::Refused;
+            context.waker().wake_by_ref();
+            return Poll::Pending;
+        }
+        if wait.place == 0 && !(wait.how != How::Parked && self.is_for(u8::MAX)) {
+            match self.enter(wait.how) {
+                Some(place) => wait.place = place,
+                None if !wait.is_patient => return Poll::Ready(Err(ClientError::QueueFull)),
+                None => {
+                    context.waker().wake_by_ref();
+                    return Poll::Pending;
+                }
+            }
+        }
+        if let Some(place) = self.places.get_mut(usize::from(wait.place).wrapping_sub(1)) {
+            if place.state == State::Parked && poll_over(wait.until, context).is_ready() {
+                place.state = State::Waits;
+            }
+            place.waker = Some(context.waker().clone());
+            if !self.is_for(wait.place - 1) {
+                return Poll::Pending;
+            }
+            self.free(wait);
+        }
+        self.is_taken = true;
+        Poll::Ready(Ok(()))
+    }
+}
+
+/// The turns at one line, for `N` who wait.
+pub(super) struct Turns<const N: usize>(RefCell<Queue<[Place; N]>>);
+
+impl<const N: usize> Turns<N> {
+    pub const fn new() -> Self {
+        const { assert!(N >= 1 && N < 255, "at least one asks, and fewer than 255") };
+        Self(RefCell::new(Queue {
+            is_taken: false,
+            is_closed: false,
+            last: 0,
+            places: [const {
+                Place {
+                    state: State::Free,
+                    ticket: 0,
+                    waker: None,
+                }
+            }; N],
+        }))
+    }
+
+    fn with<R>(&self, look: impl FnOnce(&mut Queue<[Place]>) -> R) -> R {
+        look(&mut *self.0.borrow_mut())
+    }
+
+    /// Whether somebody has the line or waits for it.
+    pub fn is_busy(&self) -> bool {
+        self.with(|queue| !queue.is_for(u8::MAX))
+    }
+
+    /// Waits for the line, behind those who asked before. Whoever waits, or has it, has to [leave](Self::leave).
+    ///
+    /// # Errors
+    /// [`ClientError::QueueFull`], [`ClientError::NotMaster`]; not if it is to be [held](How::Held).
+    #[inline(never)]
+    pub fn poll(
+        &self,
+        wait: &mut Wait,
+        context: &mut Context<'_>,
+    ) -> Poll<Result<(), ClientError>> {
+        self.with(|queue| queue.poll(wait, context))
+    }
+
+    /// Gives up what `wait` has: its place, and the line if it `was_taken`.
+    #[inline(never)]
+    pub fn leave(&self, wait: &mut Wait, was_taken: bool) {
+        self.with(|queue| queue.leave(wait, was_taken));
+    }
+
+    /// Gives up the line.
+    #[inline(never)]
+    fn give_back(&self) {
+        self.with(|queue| queue.give_back());
+    }
+
+    /// The same as [`poll`](Self::poll), as a future.
+    pub fn turn(&'static self, wait: Wait) -> impl Future<Output = Result<Turn<N>, ClientError>> {
+        let mut waiting = Waiting { turns: self, wait };
+        poll_fn(move |context| {
+            let polled = self.poll(&mut waiting.wait, context);
+            polled.map_ok(|()| Turn(self))
+        })
+    }
+
+    /// Those who are parked are so no more.
+    #[inline(never)]
+    pub fn unpark(&self) {
+        self.with(|queue| queue.unpark());
+    }
+
+    /// From now on nobody may ask; who waits is refused.
+    pub fn close(&self) {
+        self.with(|queue| queue.is_closed = true);
+        self.unpark();
+    }
+
+    /// All may ask.
+    pub fn open(&self) {
+        self.with(|queue| queue.is_closed = false);
+    }
+}
+
+/// Leaves when it is dropped.
+struct Waiting<const N: usize> {
+    turns: &'static Turns<N>,
+    wait: Wait,
+}
+
+impl<const N: usize> Drop for Waiting<N> {
+    fn drop(&mut self) {
+        self.turns.leave(&mut self.wait, false);
+    }
+}
+
+/// The right to the line, held by one request at a time.
+pub(crate) struct Turn<const N: usize>(&'static Turns<N>);
+
+impl<const N: usize> Turn<N> {
+    /// Of somebody who has the line, and does not give it back.
+    pub(super) fn taken(turns: &'static Turns<N>) -> Self {
+        Self(turns)
+    }
+
+    /// The holder gives the line back.
+    pub(super) fn keep(self) {
+        core::mem::forget(self);
+    }
+}
+
+impl<const N: usize> Drop for Turn<N> {
+    fn drop(&mut self) {
+        self.0.give_back();
+    }
+}

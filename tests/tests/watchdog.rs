@@ -118,3 +118,34 @@ fn a_nano_lives_through_an_hour_of_silence_and_sleeps() {
     let answer = bus.transact(host, &words(1, 3, 3, 1), patience);
     assert_eq!(answer.expect("an answer").bytes, data(1, 3, &[0x12, 0x34]));
 }
+
+/// LSI, which the STM32's watchdog counts, may be far off: neither makes it bite in silence, nor does it forget to.
+#[test]
+fn an_stm32_lives_at_both_ends_of_what_lsi_may_be() {
+    for lsi in [17_000, 47_000] {
+        let mut bus = Bus::new(BusConfig::default());
+        let machine = bus
+            .add_stm32(Stm32 {
+                name: "unit".to_owned(),
+                image: conformance(Board::Stm32(Runner::Core), Way::Rtu, LINE),
+                emulator: Runner::Core.emulator(),
+                wires: [None, None, None, Some(WireId::default())],
+            })
+            .expect("a valid image");
+        let silicon = bus.machine_mut(machine).silicon();
+        silicon.expect("it is not in QEMU").set_lsi(lsi);
+        let host = bus.add_host(HostPort::new(LINE));
+        bus.run_for(Time::from_ms(50));
+        let write = words(17, 6, 100, 200);
+        let patience = Time::from_ms(20);
+        let answer = bus.transact(host, &write, patience);
+        assert_eq!(answer.expect("an answer").bytes, write);
+        bus.run_for(Time::from_s(20));
+        let answer = bus.transact(host, &words(17, 3, 100, 1), patience);
+        assert_eq!(
+            answer.expect("an answer").bytes,
+            data(17, 3, &[0, 200]),
+            "LSI of {lsi} Hz"
+        );
+    }
+}

@@ -6,7 +6,7 @@ use embassy_stm32::pac::{self, EXTI, SYSCFG, usart::Usart};
 use multidrop_firmware::protocol::rtu::Flaws;
 
 use super::settings::Settings;
-use crate::ports::{Pin, WIRING, Wiring};
+use crate::ports::{PORTS, Pin, WIRING, Wiring};
 
 /// Bits of SR (RM0090 30.6.1).
 const PE: u32 = 1 << 0;
@@ -41,9 +41,6 @@ pub(crate) struct Registers {
     usart: Usart,
     /// RXD's line of EXTI, as a bit.
     line: u32,
-    /// DE as the bit of its port that BSRR sets; 0 for none.
-    de: u16,
-    de_gpio: Gpio,
 }
 
 impl Registers {
@@ -55,22 +52,10 @@ impl Registers {
             2 => pac::USART3,
             _ => pac::UART4,
         };
-        let line = 1 << WIRING[port].rx.number;
-        match WIRING[port].de {
-            Some(pin) => Self {
-                port: port as u8,
-                usart,
-                line,
-                de: 1 << pin.number,
-                de_gpio: gpio(pin),
-            },
-            None => Self {
-                port: port as u8,
-                usart,
-                line,
-                de: 0,
-                de_gpio: pac::GPIOA,
-            },
+        Self {
+            port: port as u8,
+            usart,
+            line: 1 << WIRING[port].rx.number,
         }
     }
 
@@ -167,31 +152,32 @@ impl Registers {
         EXTI.pr(0).write_value(pac::exti::regs::Lines(self.line));
     }
 
+    /// The DE pin. Once for each frame: it costs no RAM to look it up.
+    fn de(&self) -> Option<Pin> {
+        WIRING[usize::from(self.port) % PORTS].de
+    }
+
     /// Whether there is a DE pin.
-    #[inline(always)]
     pub fn has_de(&self) -> bool {
-        self.de != 0
+        self.de().is_some()
     }
 
     /// DE up. The upper half of BSRR clears, the lower sets (RM0090 8.4.7).
     #[inline(always)]
     pub fn raise_de(&self) {
-        if self.de != 0 {
-            self.set(self.de.into());
+        if let Some(pin) = self.de() {
+            let bits = 1 << pin.number;
+            gpio(pin).bsrr().write_value(pac::gpio::regs::Bsrr(bits));
         }
     }
 
     /// DE down.
     #[inline(always)]
     pub fn lower_de(&self) {
-        if self.de != 0 {
-            self.set(u32::from(self.de) << 16);
+        if let Some(pin) = self.de() {
+            let bits = 1 << (16 + pin.number);
+            gpio(pin).bsrr().write_value(pac::gpio::regs::Bsrr(bits));
         }
-    }
-
-    #[inline(always)]
-    fn set(&self, bits: u32) {
-        self.de_gpio.bsrr().write_value(pac::gpio::regs::Bsrr(bits));
     }
 }
 

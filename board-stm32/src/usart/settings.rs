@@ -33,16 +33,13 @@ pub struct Settings {
     /// What is added to a byte that is sent, and must be in one that is received.
     pub(crate) mark: u8,
     pub(crate) framing: Framing,
-    pub(crate) data_bits: u8,
     pub(crate) rts_cts: bool,
     /// For how long the peer may hold a character.
     pub(crate) cts_timeout_ms: u16,
     /// Ticks from the moment in which a character is taken from the USART to the end of the silence that
     /// completes a frame; in ASCII a fortieth of a second.
     pub(crate) to_complete: u32,
-    /// Ticks from there to the judgement; 0 where that is what completes a frame.
-    pub(crate) to_stand: u32,
-    /// Ticks from there to t3.5.
+    /// Ticks from the judgement of a frame to t3.5.
     pub(crate) to_start: u32,
     /// Ticks of one character.
     pub(crate) character: u32,
@@ -63,17 +60,26 @@ impl Settings {
         data: 0,
         mark: 0,
         framing: Framing::Rtu,
-        data_bits: 8,
         rts_cts: false,
         cts_timeout_ms: 0,
         to_complete: 0,
-        to_stand: 0,
         to_start: 0,
         character: 0,
         t3_5: 0,
         de_lead_us: 0,
         response_delay_ms: 0,
     };
+
+    /// Data bits of a character.
+    pub(crate) const fn data_bits(&self) -> u8 {
+        if self.data == 0x7F { 7 } else { 8 }
+    }
+
+    /// Ticks from the moment that completes an RTU frame to its judgement; 0 where they are the same.
+    #[inline(always)]
+    pub(crate) const fn silence_to_stand(&self) -> u32 {
+        self.t3_5 - self.to_start - self.to_complete
+    }
 
     /// Whether the rate `baud`, which these are for, is within 2.5 % if the clock may be off by `clock_ppm` parts per million.
     ///
@@ -145,7 +151,6 @@ impl Settings {
             data: bits.data,
             mark: bits.mark,
             framing: config.framing,
-            data_bits: format.data_bits(),
             rts_cts: matches!(config.flow, Flow::RtsCts),
             cts_timeout_ms: config.cts_timeout_ms,
             to_complete: if is_ascii {
@@ -153,7 +158,6 @@ impl Settings {
             } else {
                 to_complete
             },
-            to_stand: t3_5 - to_start - to_complete,
             to_start,
             character: timing::character(format, baud, tick_hz),
             t3_5,
@@ -238,7 +242,7 @@ mod tests {
                 "{}",
                 format.name()
             );
-            assert_eq!(made.data_bits, format.data_bits());
+            assert_eq!(made.data_bits(), format.data_bits());
         }
     }
 
@@ -277,7 +281,10 @@ mod tests {
         let t3_5 = 73_500 + 616;
         assert_eq!(made.t3_5, t3_5);
         assert_eq!(made.to_start, 73_500 / 24);
-        assert_eq!(made.to_complete + made.to_stand + made.to_start, t3_5);
+        assert_eq!(
+            made.to_complete + made.silence_to_stand() + made.to_start,
+            t3_5
+        );
         assert_eq!(made.character, 10_938);
         // With two stop bits there is a whole one more.
         let made = settings(LineConfig {
@@ -290,13 +297,16 @@ mod tests {
             inter_character: InterCharacter::Off,
             ..rtu
         });
-        assert_eq!((made.to_complete, made.to_stand), (t3_5 - 73_500 / 24, 0));
+        assert_eq!(
+            (made.to_complete, made.silence_to_stand()),
+            (t3_5 - 73_500 / 24, 0)
+        );
         // A client has a quarter of the time between t1.5 and t3.5 for its next request.
         let made = settings(LineConfig {
             role: Role::Client,
             ..rtu
         });
-        assert_eq!((made.to_start, made.to_stand), (10_500, 31_500));
+        assert_eq!((made.to_start, made.silence_to_stand()), (10_500, 31_500));
         assert_eq!(settings(CONFIG).to_complete, 1_050_000);
     }
 

@@ -142,7 +142,7 @@ impl State {
     pub fn apply(&mut self, settings: Settings) {
         self.chip.settings = settings;
         self.chip.registers.set_up(&settings);
-        self.chip.ascii.set_data_bits(settings.data_bits);
+        self.chip.ascii.set_data_bits(settings.data_bits());
         self.machine.reset(&mut self.chip);
     }
 
@@ -309,8 +309,10 @@ impl Wire for Chip {
     fn alarm(&mut self, interval: Interval) -> bool {
         let settings = &self.settings;
         let ticks = match interval {
-            Interval::ToStand => settings.to_stand,
-            Interval::ToStandLessCharacter => settings.to_stand.saturating_sub(settings.character),
+            Interval::ToStand => settings.silence_to_stand(),
+            Interval::ToStandLessCharacter => settings
+                .silence_to_stand()
+                .saturating_sub(settings.character),
             Interval::ToStart => settings.to_start,
             Interval::T3_5Then => settings.t3_5,
             Interval::Character => settings.character,

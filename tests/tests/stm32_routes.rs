@@ -18,6 +18,7 @@ on_both! {
     an_answer_behind_its_time_is_dropped_while_nobody_waits_or_a_poll_does,
     a_late_answer_never_becomes_the_value_of_another_register,
     a_long_answer_is_heard_to_its_end,
+    what_is_too_long_for_an_answer_is_not_heard_to_its_end,
     one_silent_unit_among_four_holds_nobody_else_up,
     two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two_others,
     an_asker_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else,
@@ -250,6 +251,19 @@ fn a_long_answer_is_heard_to_its_end(runner: Runner) {
     let (_, bad) = health(&mut played);
     assert_eq!(bad, [0; 3]);
     asked(&played.desk);
+}
+
+/// It begins in time, has its 257th character after 112 ms, and ends after 150.
+fn what_is_too_long_for_an_answer_is_not_heard_to_its_end(runner: Runner) {
+    let mut played = played(runner, |request| match first(request) {
+        ROUTED => vec![(Time::from_ms(45), [&request[..1], &[3; 400]].concat())],
+        _ => at_once(values(request, 0)),
+    });
+    let request = read(2, ROUTED, 1);
+    let told = expect(&mut played, Way::Rtu, &request, &exception(&request, 0x0B));
+    // Behind polls of the other two.
+    let expected = Time::from_ms(110)..Time::from_ms(140);
+    assert!(expected.contains(&told.turnaround), "{}", told.turnaround);
 }
 
 /// Registers of RS4: their numbers.

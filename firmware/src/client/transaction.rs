@@ -296,8 +296,9 @@ impl<L: Line + 'static, const N: usize> Future for Run<'_, L, N> {
                         if is_out {
                             line.show(Ok(&frame.bytes()[..usize::from(run.len)]));
                         }
+                        let was_cut = !is_out && line.was_cut();
                         run.frame = None;
-                        if !is_out && line.was_cut() {
+                        if was_cut {
                             if !run.asking.retry() {
                                 break Err(ClientError::CutOff);
                             }

@@ -108,6 +108,27 @@ fn pins_are_those_of_the_ports_and_the_debuggers_stay() {
     }
 }
 
+#[test]
+fn start_bits_are_seen_on_rxd_alone_and_not_on_a_pin_of_the_same_number() {
+    let mut desk = desk();
+    let silicon = silicon(&mut desk.bus, desk.machine);
+    let seen = |silicon: &mut Silicon, gpio, number| {
+        for level in [true, false] {
+            silicon.drive(gpio, number, Some(level));
+        }
+        let seen = silicon.register(EXTI + 0x14).expect("it is modelled");
+        silicon.drive(gpio, number, Some(true));
+        seen >> number & 1 != 0
+    };
+    // PA11 is AS1's CTS, PB1, PB3 and PB10 are of nobody or of another USART.
+    for (gpio, number) in [('A', 11), ('B', 1), ('B', 3), ('B', 10)] {
+        assert!(!seen(silicon, gpio, number), "P{gpio}{number}");
+    }
+    for (gpio, number) in [('B', 11), ('A', 1), ('A', 3), ('A', 10)] {
+        assert!(seen(silicon, gpio, number), "P{gpio}{number}");
+    }
+}
+
 /// The image of `registers` with TIM5 begun at `count`, and a host.
 fn begun_at(count: u32) -> (Bus, HostId) {
     let mut bus = Bus::new(BusConfig::default());

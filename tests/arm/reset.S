@@ -1,6 +1,7 @@
 @ Counts its starts at 0x20000000, keeps RCC's CSR of each from 0x20000010 on, and clears its flags. Then, at the first start, FIRST says what: 1 an
 @ undefined instruction, 2 a load from nowhere, 3 the watchdog with RELOAD and PRESCALER, which is not fed, 4 the same, fed
-@ FEEDS times, 5 an access to what is not modelled. The handler of faults keeps CFSR at 0x20000004 and resets the chip.
+@ FEEDS times, 5 an access to what is not modelled, 6 a stack that grows into 32 bytes where the
+@ memory protection unit allows nothing. The handler of faults keeps CFSR at 0x20000004 and resets the chip.
  .syntax unified
  .cpu cortex-m4
  .thumb
@@ -27,9 +28,22 @@ reset:
  mov r0, #FIRST
  tbb [pc, r0]
 table:
- .byte (stop - table) / 2, (undefined - table) / 2, (nowhere - table) / 2, (watchdog - table) / 2, (watchdog - table) / 2, (unknown - table) / 2
+ .byte (stop - table) / 2, (undefined - table) / 2, (nowhere - table) / 2, (watchdog - table) / 2, (watchdog - table) / 2, (unknown - table) / 2, (grow - table) / 2
+ .align 1
 undefined:
  udf #0
+grow:
+ ldr r0, =0xE000ED98    @ MPU: RNR, RBAR, RASR
+ mov r1, #0
+ str r1, [r0]
+ ldr r1, =0x2000F000
+ str r1, [r0, #4]
+ ldr r1, =0x10000009    @ XN, no access, 32 bytes, on
+ str r1, [r0, #8]
+ mov r1, #5             @ PRIVDEFENA, ENABLE
+ str r1, [r0, #-4]      @ CTRL
+1: push {r0-r3}
+ b 1b
 nowhere:
  ldr r0, =0x30000000
  ldr r0, [r0]

@@ -214,6 +214,22 @@ fn resets(first: u32, watchdog: [u32; 3], lsi: u32) -> Desk {
     desk
 }
 
+/// CFSR of a store that is forbidden, and of what could not be kept of what the fault interrupts (ARMv7-M B3.2.15).
+const FORBIDDEN: u32 = 0x82;
+const NOT_KEPT: u32 = 0x10;
+
+#[test]
+fn a_stack_that_grows_into_a_guard_is_a_fault() {
+    let mut desk = resets(6, [0; 3], 32_000);
+    desk.bus.run_for(Time::from_ms(10));
+    let kept = [0, 4, 0x14].map(|offset| desk.word(0x2000_0000 + offset));
+    assert_eq!(kept, [2, FORBIDDEN | NOT_KEPT, BY_SOFTWARE]);
+    // What is below the guard is as it was.
+    assert_eq!(desk.word(0x2000_F000 - 4), 0);
+    // After the reset there is none.
+    assert!(!desk.silicon().is_locked_up());
+}
+
 /// CSR's flags: power and brown-out, the pin's, which every reset sets, software, watchdog (RM0090 7.3.20).
 const POWER: u32 = 0x0E00_0000;
 const BY_PIN: u32 = 0x0400_0000;

@@ -66,6 +66,8 @@ pub(super) struct Chip {
     /// Whether the floating-point unit holds something to keep (CONTROL.FPCA).
     pub float: bool,
     pub reset: Option<Cause>,
+    /// Where something was stored that may not be.
+    pub forbidden: Option<u32>,
     /// What is wrong with the firmware, or not modelled.
     pub failed: Option<String>,
     pub outputs: Vec<Output>,
@@ -100,6 +102,7 @@ impl Chip {
             dbgmcu: [0; 3],
             float: false,
             reset: None,
+            forbidden: None,
             failed: None,
             outputs: Vec::new(),
             de: false,
@@ -417,7 +420,12 @@ impl Chip {
                     return Access::Done;
                 }
                 match self.nvic.write(offset, value) {
-                    Some(Asked::Nothing) => Access::Done,
+                    Some(Asked::Nothing) => {
+                        if self.nvic.mpu.changed {
+                            self.stop_at = 0;
+                        }
+                        Access::Done
+                    }
                     Some(Asked::Reset) => {
                         self.reset = Some(Cause::Software);
                         Access::Done
@@ -523,6 +531,10 @@ impl Chip {
 impl Board for Chip {
     #[inline]
     fn before(&mut self, address: u32, core: &Registers<'_>) -> Flow {
+        if self.forbidden.is_some() {
+            // That instruction is where the fault is.
+            return Flow::Stop;
+        }
         self.at = address;
         let Some(instruction) = self.code.at(address) else {
             return self.outside(address);
@@ -577,6 +589,11 @@ impl Board for Chip {
                 0
             }
         }
+    }
+
+    fn forbidden(&mut self, address: u32) {
+        self.forbidden.get_or_insert(address);
+        self.pause = Pause::Due;
     }
 
     fn write(&mut self, address: u32, size: u32, value: u32) {

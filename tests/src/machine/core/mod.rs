@@ -145,6 +145,10 @@ impl Access {
 /// What a core is stopped by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
+    /// The memory protection unit forbids a store to this address.
+    Memory(u32),
+    /// And what is kept of what an exception interrupts.
+    Stacking,
     /// Nothing is at this address.
     Bus(u32),
     /// Nothing can be executed there.
@@ -197,6 +201,8 @@ pub struct Silicon {
     state: State,
     /// Where the core goes on.
     pc: u32,
+    /// Where stores are forbidden.
+    guarded: Vec<(u32, u32)>,
     /// What the vector table was reset to: where the image begins.
     vectors: u32,
 }
@@ -218,6 +224,7 @@ impl Silicon {
             core,
             state: State::Runs,
             pc: 0,
+            guarded: Vec::new(),
             vectors: FLASH.first,
         };
         silicon.boot();
@@ -239,6 +246,8 @@ impl Silicon {
         self.core.set(Register::Sp, stack & !3);
         self.pc = self.word(self.vectors + 4) & !1;
         self.state = State::Runs;
+        self.guarded.clear();
+        self.core.guard(&[]);
     }
 
     fn chip(&self) -> &Chip {
@@ -331,6 +340,7 @@ impl Silicon {
             if let Some(failed) = &self.chip().failed {
                 panic!("{failed}");
             }
+            self.guard();
             self.wake();
             let chip = self.core.board_mut();
             if !chip.outputs.is_empty() || chip.ticks() >= limit {
@@ -344,6 +354,18 @@ impl Silicon {
                 chip.sleep_until(next);
             }
         }
+    }
+
+    /// Follows the memory protection unit.
+    fn guard(&mut self) {
+        let mpu = &mut self.core.board_mut().nvic.mpu;
+        if !std::mem::take(&mut mpu.changed) {
+            return;
+        }
+        let guarded = mpu.guarded();
+        let guarded = guarded.unwrap_or_else(|| panic!("{mpu:x?} is not modelled"));
+        self.core.guard(&guarded);
+        self.guarded = guarded;
     }
 
     /// Takes an exception that is due, and ends a sleep that is over.
@@ -372,6 +394,9 @@ impl Silicon {
         match stand {
             Stand::Stopped => {
                 self.pc = at;
+                if let Some(at) = self.chip_mut().forbidden.take() {
+                    return self.fault(Fault::Memory(at));
+                }
                 if let Pause::Special(kind) = self.chip().pause {
                     self.special(kind);
                 }
@@ -455,7 +480,15 @@ impl Silicon {
             words.push(self.core.get(Register::Fpscr));
         }
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-        if !self.core.store(frame, &bytes) {
+        let last = frame + bytes.len() as u32 - 1;
+        let mut exception = exception;
+        if (self.guarded.iter()).any(|guard| frame <= guard.1 && last >= guard.0) {
+            // Nothing is kept, and the fault is taken first (ARMv7-M B1.5.14).
+            match self.chip_mut().nvic.fault(Fault::Stacking) {
+                Some(fault) if fault < exception => exception = fault,
+                _ => {}
+            }
+        } else if !self.core.store(frame, &bytes) {
             // The stack has run over: nothing can be kept of what was interrupted.
             self.state = State::LockedUp;
             return;

@@ -68,10 +68,12 @@ pub(super) struct Nvic {
 /// The memory protection unit's registers (ARMv7-M B3.5).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Mpu {
-    pub ctrl: u32,
+    ctrl: u32,
     number: u32,
     /// RBAR and RASR of each region.
-    pub regions: [(u32, u32); 8],
+    regions: [(u32, u32); 8],
+    /// Somebody has written to it.
+    pub changed: bool,
 }
 
 impl Nvic {
@@ -229,6 +231,13 @@ impl Nvic {
                 // PRECISERR, BFARVALID.
                 (0x8200, BUS_FAULT, 17)
             }
+            Fault::Memory(at) => {
+                self.mmfar = at;
+                // DACCVIOL, MMARVALID.
+                (0x82, MEM_MANAGE, 16)
+            }
+            // MSTKERR.
+            Fault::Stacking => (0x10, MEM_MANAGE, 16),
             // IACCVIOL.
             Fault::Fetch => (0x01, MEM_MANAGE, 16),
             // UNDEFINSTR.
@@ -302,6 +311,7 @@ impl Nvic {
     /// See [`read`](Self::read). `None`: there is no such register, or it is not modelled.
     pub fn write(&mut self, offset: u32, value: u32) -> Option<Asked> {
         let bits = |first: u32| u128::from(value) << (16 + (offset - first) / 4 * 32);
+        self.mpu.changed |= (0xD94..=0xDB8).contains(&offset);
         match offset {
             0x010..=0x01C if value == 0 => {}
             0x100..=0x108 => self.enabled |= bits(0x100),
@@ -395,6 +405,26 @@ impl Nvic {
 }
 
 impl Mpu {
+    /// Where privileged code may not store (ARMv7-M B3.5.9): first and last address of each region that is on and says so. Regions
+    /// over others, which have a say there, and those of subregions are not modelled: `None`.
+    pub fn guarded(&self) -> Option<Vec<(u32, u32)>> {
+        if self.ctrl & 1 == 0 {
+            return Some(Vec::new());
+        }
+        let on = self.regions.iter().filter(|(_, rasr)| rasr & 1 != 0);
+        let mut guarded = Vec::new();
+        for (rbar, rasr) in on {
+            let last = (2_u64 << (rasr >> 1 & 0x1F)) as u32 - 1;
+            let writes = matches!(rasr >> 24 & 7, 1..=3);
+            if rasr & 0xFF00 != 0 || rbar & last != 0 || writes {
+                return None;
+            }
+            guarded.push((*rbar, rbar + last));
+        }
+        // PRIVDEFENA: elsewhere all is as without the unit.
+        (self.ctrl & 4 != 0).then_some(guarded)
+    }
+
     fn region(&self) -> (u32, u32) {
         self.regions[self.number as usize]
     }

@@ -31,6 +31,8 @@ pub(super) trait Board: 'static {
     fn read(&mut self, address: u32, size: u32) -> u32;
     /// A store of `size` bytes.
     fn write(&mut self, address: u32, size: u32, value: u32);
+    /// A store to memory that is [guarded](Core::guard). The core stops behind the instruction.
+    fn forbidden(&mut self, address: u32);
 }
 
 /// A register of the core.
@@ -86,9 +88,12 @@ const ARCH_ARM: c_int = 1;
 const MODE_THUMB_M: c_int = 1 << 4 | 1 << 5;
 const OK: Error = 0;
 const HOOK_CODE: c_int = 1 << 2;
+const HOOK_MEM_WRITE: c_int = 1 << 11;
 /// A write with one argument of the model of the CPU.
 const CTL_CPU_MODEL: c_int = 7 | 1 << 26 | 1 << 30;
 const CPU_CORTEX_M4: c_int = 9;
+/// A write without arguments: what was translated is translated again.
+const CTL_TB_FLUSH: c_int = 10 | 1 << 30;
 const PROT_READ: u32 = 1;
 const PROT_EXEC: u32 = 4;
 const PROT_ALL: u32 = 7;
@@ -120,6 +125,7 @@ struct Api {
         u64,
         ...
     ) -> Error,
+    hook_del: unsafe extern "C" fn(Uc, usize) -> Error,
     reg_read: unsafe extern "C" fn(Uc, c_int, *mut c_void) -> Error,
     reg_write: unsafe extern "C" fn(Uc, c_int, *const c_void) -> Error,
     emu_start: unsafe extern "C" fn(Uc, u64, u64, u64, usize) -> Error,
@@ -143,6 +149,7 @@ impl Api {
                 mem_write: *library.get(b"uc_mem_write\0")?,
                 mmio_map: *library.get(b"uc_mmio_map\0")?,
                 hook_add: *library.get(b"uc_hook_add\0")?,
+                hook_del: *library.get(b"uc_hook_del\0")?,
                 reg_read: *library.get(b"uc_reg_read\0")?,
                 reg_write: *library.get(b"uc_reg_write\0")?,
                 emu_start: *library.get(b"uc_emu_start\0")?,
@@ -197,6 +204,8 @@ pub(super) struct Core<B: Board> {
     wired: Box<UnsafeCell<Wired<B>>>,
     /// Where the board's registers begin, for the callbacks: they are told the distance from it.
     _windows: Box<[Window<B>]>,
+    /// Of guarded memory.
+    guards: Vec<usize>,
 }
 
 /// Registers of the board in the core's memory.
@@ -212,6 +221,21 @@ extern "C" fn before<B: Board>(uc: Uc, address: u64, _size: u32, wired: *mut c_v
         // SAFETY: as unicorn.h has it, from a callback.
         unsafe { (api.emu_stop)(uc) };
     }
+}
+
+extern "C" fn forbidden<B: Board>(
+    uc: Uc,
+    _kind: c_int,
+    address: u64,
+    _size: c_int,
+    _value: i64,
+    wired: *mut c_void,
+) {
+    // SAFETY: as in `before`.
+    let Wired { board, api } = unsafe { &mut *wired.cast::<Wired<B>>() };
+    board.forbidden(address as u32);
+    // SAFETY: as in `before`.
+    unsafe { (api.emu_stop)(uc) };
 }
 
 extern "C" fn read<B: Board>(_: Uc, offset: u64, size: u32, window: *mut c_void) -> u64 {
@@ -261,6 +285,7 @@ impl<B: Board> Core<B> {
             uc: std::ptr::null_mut(),
             wired,
             _windows: Box::default(),
+            guards: Vec::new(),
         };
         // SAFETY: calls as in unicorn.h; what the callbacks are given lives in boxes as long as the core.
         unsafe {
@@ -325,6 +350,41 @@ impl<B: Board> Core<B> {
     pub fn board_mut(&mut self) -> &mut B {
         // SAFETY: as in `board`.
         unsafe { &mut (*self.wired.get()).board }
+    }
+
+    /// From now on stores to this memory are told, and to no other: first and last address of each piece.
+    pub fn guard(&mut self, pieces: &[(u32, u32)]) {
+        if self.guards.is_empty() && pieces.is_empty() {
+            return;
+        }
+        for hook in std::mem::take(&mut self.guards) {
+            // SAFETY: it was added below.
+            unsafe { (self.api().hook_del)(self.uc, hook) };
+        }
+        for &(first, last) in pieces {
+            let mut hook = 0;
+            let callback: extern "C" fn(Uc, c_int, u64, c_int, i64, *mut c_void) = forbidden::<B>;
+            let wired = self.wired.get();
+            // SAFETY: as in `new`.
+            unsafe {
+                let add = (*wired).api.hook_add;
+                let callback = callback as *mut c_void;
+                let (first, last) = (first.into(), last.into());
+                let kind = HOOK_MEM_WRITE;
+                add(
+                    self.uc,
+                    &mut hook,
+                    kind,
+                    callback,
+                    wired.cast(),
+                    first,
+                    last,
+                );
+            }
+            self.guards.push(hook);
+        }
+        // SAFETY: as unicorn.h has it, while the core stands.
+        unsafe { (self.api().ctl)(self.uc, CTL_TB_FLUSH) };
     }
 
     /// Executes instructions from `address` on until the board says stop.

@@ -65,7 +65,7 @@ pub enum Command {
     Flash(FlashRequest),
     /// Measure sizes, turnaround, jitter, interrupts, sleep and limits on the simulated bus.
     ///
-    /// The STM32's four ports are loaded for ten minutes of bus time, for which the host takes some twenty.
+    /// The STM32's four ports are loaded for ten minutes of bus time, for which the host takes some three.
     Bench {
         /// Write all figures as JSON to this file too.
         #[arg(long, value_name = "PATH")]

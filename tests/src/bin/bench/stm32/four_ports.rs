@@ -1,4 +1,4 @@
-//! Four ports loaded at once, for as long as nobody waits for in a test.
+//! Four ports loaded at once, for as long as nobody waits for in a test: the image that is flashed, on the core in this process.
 
 use multidrop_bus::{Emulator, Time};
 
@@ -11,15 +11,15 @@ use crate::image::Images;
 const SPAN: Time = Time::from_ms(600_000);
 
 /// The load of the tests' half minute, for ten.
-pub fn of(images: &Images<'_>) -> Result<Set, Trouble> {
+pub fn of(images: &Images<'_>, flashed: &Images<'_>) -> Result<Set, Trouble> {
     let units = ["unit1", "unit2", "unit3"].map(|unit| images.app(unit));
     let mut paths = Vec::new();
     for unit in units {
         paths.push(unit?.path.as_path());
     }
     let minutes = SPAN.us() / 60e6;
-    eprintln!("four ports at once for {minutes} min of bus time: that takes some twenty");
-    let mut desk = Desk::new(&images.app("ports")?.path, Emulator::qemu()?, &paths)?;
+    eprintln!("four ports at once for {minutes} min of bus time: that takes some three");
+    let mut desk = Desk::new(&flashed.app("ports")?.path, Emulator::core()?, &paths)?;
     let report = four::run(&mut desk, SPAN);
     for trouble in &report.troubles {
         println!("four ports: {trouble}");

@@ -1,4 +1,4 @@
-//! What is measured of the STM32: sizes of the images that are flashed; all else in QEMU, where each instruction takes
+//! What is measured of the STM32: sizes of the images that are flashed, and four ports of one; all else in QEMU, where each instruction takes
 //! 8 ns, whatever it does.
 
 mod four_ports;
@@ -50,7 +50,10 @@ pub fn measure(arguments: &Arguments) -> Result<Figures, Trouble> {
     let images = &images;
     let long = !(arguments.check || arguments.short);
     let measured = thread::scope(|scope| -> Result<Vec<(String, Set)>, Trouble> {
-        let four = scope.spawn(move || long.then(|| four_ports::of(images)).transpose());
+        let four = scope.spawn(move || {
+            let flashed = Images(&arguments.flashed);
+            long.then(|| four_ports::of(images, &flashed)).transpose()
+        });
         let mut threads = Vec::new();
         for baud in BAUDS {
             let image = images.registers(COUNT, baud)?;

@@ -12,7 +12,8 @@ pub fn table() -> Table {
     Table::new(
         ROWS,
         images.collect(),
-        "Flash and RAM are of the images that are flashed; all else was measured in QEMU, 8 ns an instruction.\n\
+        "Flash and RAM are of the images that are flashed, four ports of such a one on a modelled chip; all else was measured in QEMU, 8 ns an \
+         instruction.\n\
          registers-COUNT@BAUD: the image `registers` with COUNT items in each table at BAUD 8N1 on RS4.\n\
          four ports: the image `ports` with all of them loaded, one of which is reconfigured each second.",
     )

@@ -13,6 +13,7 @@ on_both! {
     the_stm32_lets_go_of_the_bus_when_it_faults,
     the_stm32_bounds_how_long_it_sends,
     the_stm32_tells_how_deep_its_stack_was,
+    the_stm32_starts_anew_when_its_stack_is_used_up,
 }
 
 /// How the unit fails, as `multidrop_firmware::faults` numbers it.
@@ -367,10 +368,8 @@ fn the_nano_starts_anew_when_its_stack_is_used_up() {
     is_guarded(Board::Nano, WATCHDOG / 2 + Time::from_ms(100));
 }
 
-/// The core in this process has the registers of the MPU (`stm32_silicon`), but protects nothing.
-#[test]
-fn the_stm32_starts_anew_when_its_stack_is_used_up() {
-    is_guarded(Board::Stm32(Runner::Qemu), Time::from_ms(50));
+fn the_stm32_starts_anew_when_its_stack_is_used_up(runner: Runner) {
+    is_guarded(Board::Stm32(runner), Time::from_ms(50));
 }
 
 /// What the unit tells of its stack: bytes that were in use, and all.

@@ -591,9 +591,13 @@ impl Board for Chip {
         }
     }
 
-    fn forbidden(&mut self, address: u32) {
+    fn forbidden(&mut self, address: u32) -> Flow {
+        if self.nvic.is_unguarded() {
+            return Flow::Go;
+        }
         self.forbidden.get_or_insert(address);
         self.pause = Pause::Due;
+        Flow::Stop
     }
 
     fn write(&mut self, address: u32, size: u32, value: u32) {

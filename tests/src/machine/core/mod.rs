@@ -482,7 +482,8 @@ impl Silicon {
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
         let last = frame + bytes.len() as u32 - 1;
         let mut exception = exception;
-        if (self.guarded.iter()).any(|guard| frame <= guard.1 && last >= guard.0) {
+        let unguarded = self.chip().nvic.is_unguarded();
+        if !unguarded && (self.guarded.iter()).any(|guard| frame <= guard.1 && last >= guard.0) {
             // Nothing is kept, and the fault is taken first (ARMv7-M B1.5.14).
             match self.chip_mut().nvic.fault(Fault::Stacking) {
                 Some(fault) if fault < exception => exception = fault,

@@ -128,6 +128,11 @@ impl Nvic {
         self.active.last().copied().unwrap_or(0)
     }
 
+    /// Whether the memory protection unit is off, since a hard fault is handled (ARMv7-M B3.5.5, HFNMIENA).
+    pub fn is_unguarded(&self) -> bool {
+        self.mpu.ctrl & 2 == 0 && matches!(self.running(), NMI | HARD_FAULT)
+    }
+
     /// An exception that does not depend on a line.
     pub fn pend(&mut self, exception: u8) {
         self.pending |= 1 << exception;

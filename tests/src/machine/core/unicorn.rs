@@ -31,8 +31,8 @@ pub(super) trait Board: 'static {
     fn read(&mut self, address: u32, size: u32) -> u32;
     /// A store of `size` bytes.
     fn write(&mut self, address: u32, size: u32, value: u32);
-    /// A store to memory that is [guarded](Core::guard). The core stops behind the instruction.
-    fn forbidden(&mut self, address: u32);
+    /// A store to memory that is [guarded](Core::guard). It is carried out all the same.
+    fn forbidden(&mut self, address: u32) -> Flow;
 }
 
 /// A register of the core.
@@ -233,9 +233,10 @@ extern "C" fn forbidden<B: Board>(
 ) {
     // SAFETY: as in `before`.
     let Wired { board, api } = unsafe { &mut *wired.cast::<Wired<B>>() };
-    board.forbidden(address as u32);
-    // SAFETY: as in `before`.
-    unsafe { (api.emu_stop)(uc) };
+    if board.forbidden(address as u32) == Flow::Stop {
+        // SAFETY: as in `before`.
+        unsafe { (api.emu_stop)(uc) };
+    }
 }
 
 extern "C" fn read<B: Board>(_: Uc, offset: u64, size: u32, window: *mut c_void) -> u64 {

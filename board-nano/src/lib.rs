@@ -10,14 +10,16 @@
 pub mod options;
 pub mod outputs;
 
-use embassy_avr_hal::pac;
-use embassy_avr_hal::usart::{Delayed, Framings, RtuAndAscii, RtuOnly, Settings, Usart0};
+use embassy_avr_hal::usart::{Delayed, Framings, RtuAndAscii, RtuOnly, Settings, Slow, Usart0};
 pub use embassy_avr_hal::watchdog::Watchdog;
+use embassy_avr_hal::{baud, pac};
 use multidrop_firmware::PortConfig;
 pub use multidrop_firmware::ResetCause;
-use multidrop_firmware::line::LineError;
+use multidrop_firmware::line::{InterCharacter, LineError};
+use multidrop_firmware::protocol::format::Framing;
 use multidrop_firmware::protocol::message::Message;
 use multidrop_firmware::protocol::port_registers::Duplex;
+use multidrop_firmware::protocol::timing;
 
 /// The CPU clock: the Nano's 16 MHz crystal if not built otherwise.
 pub const CLOCK_HZ: u32 = options::clock(16_000_000);
@@ -29,14 +31,36 @@ pub type De = embassy_avr_hal::gpio::PD2;
 /// The mask of [`De`] in its port.
 pub const DE_MASK: u8 = 1 << 2;
 
-/// The Nano's one serial port, as RS-485, for RTU.
-pub type Rs485 = Usart0<De, CLOCK_HZ>;
+/// Whether `MULTIDROP_BAUD` is so slow that t3.5 of some format, and a character, are longer than Timer1 counts in one go.
+const fn is_slow() -> bool {
+    const TICK_HZ: u32 = CLOCK_HZ / 8;
+    // Five characters of 12 bits.
+    60 * TICK_HZ / options::baud(115_200) > u16::MAX as u32
+}
+
+/// The Nano's one serial port, as RS-485, for RTU; for slow lines too where `MULTIDROP_BAUD` asks for one.
+pub type Rs485 = Usart0<De, CLOCK_HZ, Rtu>;
 
 /// The same, for a port that speaks ASCII, at times or always.
 pub type Rs485Ascii = Usart0<De, CLOCK_HZ, RtuAndAscii>;
 
 /// The same as [`Rs485`], for a port whose DE goes up before its answer (DE_LEAD) or whose answer waits (RESPONSE_DELAY).
 pub type Rs485Delayed = Usart0<De, CLOCK_HZ, Delayed<RtuOnly>>;
+
+/// As [`Rs485`], for slow lines as well: t3.5 or the gap that ends a frame may be longer than 65535 ticks, 32.7 ms at 16 MHz.
+pub type Rs485Slow = Usart0<De, CLOCK_HZ, Slow<RtuOnly>>;
+
+/// As [`Rs485Ascii`], for slow lines as well.
+pub type Rs485AsciiSlow = Usart0<De, CLOCK_HZ, Slow<RtuAndAscii>>;
+
+/// Of [`Rs485`].
+pub enum Rtu {}
+
+impl Framings for Rtu {
+    const ASCII: bool = false;
+    const SLOW: bool = is_slow();
+    type Delays = ();
+}
 
 /// The same, for an application that can be built for either: with ASCII where [`options::ascii`] asks for it.
 pub type Rs485Option = Usart0<De, CLOCK_HZ, OptionFramings>;
@@ -47,7 +71,11 @@ pub enum OptionFramings {}
 impl Framings for OptionFramings {
     const ASCII: bool = options::ascii();
     type Delays = ();
+    const SLOW: bool = is_slow();
 }
+
+/// What is wrong with a silence that only a slow line counts.
+const TOO_LONG: &str = "Timer1 counts no silence that long in one go: the line must be of type Rs485Slow or Rs485AsciiSlow";
 
 /// Line settings of a port at the Nano's clock, for a `const`: what the chip cannot do stops the
 /// build.
@@ -56,14 +84,30 @@ pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
     if matches!(line.duplex, Duplex::Full) {
         port.wrong("duplex", 1, "must be 0 (half): the line has a DE pin", None);
     }
+    let is_ascii = matches!(line.framing, Framing::Ascii);
     match Settings::new(&port.line(), CLOCK_HZ) {
         Ok(settings) => settings,
         Err(LineError::Baud { nearest }) => port.wrong(
             "baud",
             port.line().baud,
-            "the clock does not make it within 2.5 %",
+            if port.line().baud
+                < baud::slowest(CLOCK_HZ, line.format.character_bits() as u32, is_ascii)
+            {
+                "Timer1 counts no character that long"
+            } else {
+                "the clock does not make it within 2.5 %"
+            },
             Some(nearest),
         ),
+        Err(LineError::Silence) => {
+            let t3_5 = timing::t3_5(line.format, line.baud, CLOCK_HZ / 8);
+            match line.inter_character {
+                InterCharacter::Gap(ms) if timing::gap(ms, CLOCK_HZ / 8) > t3_5 => {
+                    port.wrong("inter_character gap", ms as u32, TOO_LONG, None)
+                }
+                _ => port.wrong("baud", line.baud, TOO_LONG, None),
+            }
+        }
         Err(LineError::Format(format)) => port.wrong(
             "format: data bits",
             format.data_bits() as u32,

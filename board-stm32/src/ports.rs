@@ -12,8 +12,8 @@ use crate::usart::Settings;
 
 /// The clock of APB1 and the USARTs on it, in Hz: the fastest it may be (DS, general operating conditions).
 pub const APB1_HZ: u32 = 42_000_000;
-/// The clock of APB2 and the USART on it, in Hz: the fastest it may be.
-pub const APB2_HZ: u32 = 84_000_000;
+/// The clock of APB2 and the USART on it, in Hz: half of what it may be, so that AS1 too makes 1200 baud (RM0090 30.6.3).
+pub const APB2_HZ: u32 = 42_000_000;
 
 /// How many ports there are.
 pub const PORTS: usize = 4;
@@ -250,7 +250,11 @@ impl<P: Port> PortSettings<P> {
             ),
             // `PortConfig` has checked the first; the line has all framings and delays, and the pins were looked at above.
             Err(
-                LineError::Format(_) | LineError::Framing(_) | LineError::Flow | LineError::Delay,
+                LineError::Format(_)
+                | LineError::Framing(_)
+                | LineError::Flow
+                | LineError::Delay
+                | LineError::Silence,
             ) => port.wrong(
                 "format: data bits",
                 line.format.data_bits() as u32,

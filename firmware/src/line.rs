@@ -77,6 +77,8 @@ pub enum LineError {
     Flow,
     /// The line was built without delays before an answer (DE_LEAD, RESPONSE_DELAY).
     Delay,
+    /// t3.5 at this rate, or the gap that ends a frame, is longer than the line was built to count.
+    Silence,
 }
 
 /// Bytes that [`Line::transmit`] cannot send. The caller's error; nothing was sent.

@@ -21,6 +21,11 @@ pub const fn margin(t3_5: u32) -> u32 {
     t3_5 / MARGIN_PART
 }
 
+/// A silence of so many ms that ends a frame in place of t3.5, for peers that pause inside frames.
+pub const fn gap(ms: u8, tick_hz: u32) -> u32 {
+    ms as u32 * tick_hz.div_ceil(1000)
+}
+
 /// The time of one character of this format.
 ///
 /// # Panics

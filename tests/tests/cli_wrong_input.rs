@@ -127,9 +127,12 @@ fn a_baud_that_the_clock_cannot_make() {
     let words = ["build", "nano", "registers", "--baud", "921600"];
     refused("baud", &words, &["--baud 921600", "2.5 %", "1000000"]);
     assert_no_image("nano-registers-baud921600");
-    for baud in ["0", "300", "1000001"] {
+    let words = ["build", "nano", "registers", "--baud", "300"];
+    refused("baud", &words, &["--baud 300", "Timer1", "307"]);
+    assert_no_image("nano-registers-baud300");
+    for baud in ["0", "299", "1000001"] {
         let words = ["build", "nano", "registers", "--baud", baud];
-        refused("baud", &words, &["--baud", baud, "2400..=1000000"]);
+        refused("baud", &words, &["--baud", baud, "300..=1000000"]);
         assert_no_image(&format!("nano-registers-baud{baud}"));
     }
 }

@@ -23,7 +23,25 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
         (
             "baud_low",
             port(".baud(300)"),
-            "port RS4: baud is 300, the clock does not make it within 2.5 %, nearest is 2400",
+            "port RS4: baud is 300, Timer1 counts no character that long, nearest is 338",
+        ),
+        (
+            "baud_slow",
+            port(".baud(1_200)"),
+            "port RS4: baud is 1200, Timer1 counts no silence that long in one go: the line must be of type Rs485Slow or Rs485AsciiSlow",
+        ),
+        (
+            "gap_long",
+            port(".baud(38_400).inter_character(InterCharacter::Gap(50))"),
+            "port RS4: inter_character gap is 50, Timer1 counts no silence that long in one go: the line must be of type Rs485Slow or Rs485AsciiSlow",
+        ),
+        (
+            "slow_right",
+            format!(
+                "{PORT}.baud(1_200).inter_character(InterCharacter::Gap(50));\n\
+                 const _: Settings<Slow<RtuOnly>> = settings(&PORT);"
+            ),
+            "",
         ),
         (
             "framing",
@@ -118,8 +136,9 @@ use board_nano::{Watchdog, settings};
 use embassy_avr_hal::edge::EdgeInput;
 use embassy_avr_hal::gpio::{Input, Output, PD2, PD4, Pins};
 use embassy_avr_hal::{bind_edges, bind_time};
-use embassy_avr_hal::usart::{Delayed, RtuOnly, Settings};
+use embassy_avr_hal::usart::{Delayed, RtuOnly, Settings, Slow};
 use multidrop_firmware::PortConfig;
+use multidrop_firmware::line::InterCharacter;
 use multidrop_firmware::protocol::format::Framing;
 use multidrop_firmware::protocol::port_registers::{Duplex, Flow};
 ";

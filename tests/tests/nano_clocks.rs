@@ -1,10 +1,10 @@
-//! The line at other CPU clocks than the Nano's: 8, 11.0592 and 20 MHz, from 2400 baud to the fastest
-//! rate that each takes, which is a sixteenth of the clock.
+//! The line at other CPU clocks than the Nano's: 8, 11.0592 and 20 MHz, from the slowest rate that Timer1 counts to the
+//! fastest one that each takes, which is a sixteenth of the clock.
 
 mod common;
 
 use common::{assert_bus_rules, frames, image};
-use multidrop_bus::{Bus, BusConfig, HostPort, Line, Nano, Time};
+use multidrop_bus::{Bus, BusConfig, Format, HostPort, Line, Nano, Time, Tx};
 
 /// Turnaround beyond t3.5 at the most, in microseconds: one bit, or one at 38400 baud where that is
 /// longer.
@@ -12,23 +12,17 @@ fn late(baud: u32) -> f64 {
     1e6 / f64::from(baud.min(38_400))
 }
 
-/// t3.5 in microseconds (SER 2.5.1.1), 10 bits a character.
-fn t3_5(baud: u32) -> f64 {
-    if baud > 19_200 {
-        1750.0
-    } else {
-        35e6 / f64::from(baud)
-    }
+fn check(clock_hz: u32, baud: u32) {
+    check_format(clock_hz, baud, Format::N81);
 }
 
-fn check(clock_hz: u32, baud: u32) {
-    let options = [
-        "--clock",
-        &clock_hz.to_string(),
-        "--baud",
-        &baud.to_string(),
-    ];
-    let line = Line::n81(baud);
+fn check_format(clock_hz: u32, baud: u32, format: Format) {
+    let (clock, rate, bits) = (clock_hz.to_string(), baud.to_string(), format.to_string());
+    let mut options = vec!["--clock", &clock, "--baud", &rate];
+    if format != Format::N81 {
+        options.extend(["--format", &bits]);
+    }
+    let line = Line { baud, format };
     let mut bus = Bus::new(BusConfig::default());
     let node = bus
         .add_nano(Nano {
@@ -37,7 +31,7 @@ fn check(clock_hz: u32, baud: u32) {
         })
         .expect("the image runs");
     let host = bus.add_host(HostPort::new(line));
-    bus.run_for(Time::from_ms(50));
+    bus.run_for(Time::from_ms(50) + line.t35());
 
     let data: Vec<u8> = (0..32).map(|byte| byte * 7).collect();
     let exchanges = [
@@ -58,18 +52,62 @@ fn check(clock_hz: u32, baud: u32) {
     ];
     for (request, expected) in exchanges {
         let answer = bus
-            .transact(host, &request, Time::from_ms(1500))
+            .transact(host, &request, line.t35() + Time::from_ms(1500))
             .unwrap_or_else(|| panic!("{clock_hz} Hz, {baud} baud: no answer to {request:02x?}"));
         assert_eq!(answer.bytes, expected, "{clock_hz} Hz, {baud} baud");
-        let beyond = answer.turnaround().us() - t3_5(baud);
+        let beyond = answer.turnaround().us() - line.t35().us();
         assert!(
             (0.0..late(baud)).contains(&beyond),
             "{clock_hz} Hz, {baud} baud: answered {beyond:.2} us beyond t3.5"
         );
     }
+    // A gap of 95 % of t3.5 voids a frame, one that begins t3.5 less its last 1/24 is a new one.
+    for (per_mille, answered) in [(950, false), (975, true)] {
+        bus.host(host).take();
+        bus.run_for(line.t35() * 2);
+        let other = frames::words(9, 3, 0, 1).into_iter().map(Tx::byte);
+        let ours = frames::words(1, 0x03, 3, 1).into_iter().enumerate();
+        let ours = ours.map(|(at, byte)| {
+            let pause = line.t35() * per_mille / 1000;
+            Tx::byte(byte).after(if at == 0 { pause } else { Time::ZERO })
+        });
+        let end = bus.host(host).send_each(other.chain(ours));
+        bus.run_to(end);
+        let answer = bus.transact(host, &[], line.t35() + Time::from_ms(500));
+        assert_eq!(
+            answer.is_some(),
+            answered,
+            "{clock_hz} Hz, {baud} baud {per_mille}"
+        );
+    }
     assert_bus_rules(&bus, line);
-    bus.run_for(Time::from_ms(50));
+    bus.run_for(line.t35() * 2);
     assert!(bus.node(node).is_asleep());
+}
+
+/// Silences beyond the 16 bits of Timer1: at 1200 baud up to 80000 ticks, at 300 and 8 MHz 128000.
+#[test]
+fn slow_rates_in_every_format() {
+    for format in [Format::N81, Format::E81, Format::O81, Format::N82] {
+        for clock_hz in [8_000_000, 16_000_000, 20_000_000] {
+            check_format(clock_hz, 1_200, format);
+        }
+    }
+}
+
+#[test]
+fn the_slowest_rates() {
+    for (clock_hz, baud, format) in [
+        (8_000_000, 300, Format::N81),
+        (8_000_000, 300, Format::E81),
+        (11_059_200, 300, Format::N82),
+        (16_000_000, 600, Format::E81),
+        (20_000_000, 600, Format::N81),
+        (20_000_000, 600, Format::N82),
+        (20_000_000, 1_800, Format::N81),
+    ] {
+        check_format(clock_hz, baud, format);
+    }
 }
 
 #[test]

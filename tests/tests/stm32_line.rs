@@ -16,6 +16,8 @@ on_both! {
     a_request_at_t3_5_after_another_units_is_heard,
     a_click_of_1_us_takes_no_answer_away,
     with_gaps_allowed_t3_5_still_has_its_margin,
+    a_gap_in_ms_ends_a_frame,
+    every_port_answers_at_1200_baud,
     four_ports_at_once_lose_nothing,
 }
 
@@ -141,25 +143,36 @@ fn say(desk: &mut Desk, pieces: &[&[u8]], apart: Time) -> Option<(Vec<u8>, Time)
     })
 }
 
-/// Where gaps are allowed, t3.5 less its last 1/24 ends a frame: two clocks measure it.
-fn with_gaps_allowed_t3_5_still_has_its_margin(runner: Runner) {
-    let (mut desk, request, expected) = desk_with_gaps(runner, 1);
+/// Where gaps are allowed, `silence` less its last 1/24 ends a frame: two clocks measure it.
+fn check_gaps(runner: Runner, inter_character: u32, silence: Time) {
+    let (mut desk, request, expected) = desk_with_gaps(runner, inter_character);
     let (head, tail) = request.split_at(3);
     for (percent, answered) in [(90, true), (95, true), (97, false), (99, false)] {
-        let heard = say(&mut desk, &[head, tail], LINE.t35() * percent / 100);
-        assert_eq!(heard.is_some(), answered, "{percent} %");
+        let heard = say(&mut desk, &[head, tail], silence * percent / 100);
+        assert_eq!(heard.is_some(), answered, "{percent} % of {silence}");
         if let Some((bytes, after)) = heard {
             assert_eq!(bytes, expected);
-            assert!(after >= LINE.t35(), "{after}");
+            assert!(after >= silence, "{after}");
+            assert!(after < silence + LINE.character(), "{after}");
         }
     }
     // Two requests: the answer to the first one is withdrawn.
     for percent in [97, 99, 100] {
-        let apart = LINE.t35() * percent / 100;
+        let apart = silence * percent / 100;
         let heard = say(&mut desk, &[&request, &request], apart);
-        let (bytes, after) = heard.unwrap_or_else(|| panic!("none at {percent} %"));
+        let (bytes, after) = heard.unwrap_or_else(|| panic!("none at {percent} % of {silence}"));
         assert_eq!(bytes, expected, "{percent} %");
-        assert!(after >= LINE.t35(), "{after}");
+        assert!(after >= silence, "{after}");
+    }
+}
+
+fn with_gaps_allowed_t3_5_still_has_its_margin(runner: Runner) {
+    check_gaps(runner, 1, LINE.t35());
+}
+
+fn a_gap_in_ms_ends_a_frame(runner: Runner) {
+    for ms in [2, 16, 50] {
+        check_gaps(runner, ms, Time::from_ms(ms.into()));
     }
 }
 
@@ -212,6 +225,21 @@ impl Four {
 
     fn overruns(&self) -> [u64; 4] {
         [0, 1, 2, 3].map(|port| self.bus.machine(self.machine).overruns(port))
+    }
+}
+
+/// The slowest rate that all ports have.
+fn every_port_answers_at_1200_baud(runner: Runner) {
+    let line = Line::n81(1_200);
+    let mut four = Four::at(runner, line.baud);
+    four.bus.run_for(line.t35());
+    for host in four.hosts {
+        let answer = four.bus.transact(host, &request(), line.t35() * 2);
+        let answer = answer.expect("an answer");
+        assert_eq!(answer.bytes, data(1, 3, &[0, 0]));
+        let after = answer.turnaround();
+        let in_time = line.t35()..line.t35() + line.bits(1);
+        assert!(in_time.contains(&after), "{after}");
     }
 }
 

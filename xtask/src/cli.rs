@@ -104,7 +104,7 @@ pub struct ImageOptions {
     /// Items in each table of registers, 1..=128 [default: 16]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=128))]
     count: Option<u8>,
-    /// Baud rate, 2400..=1000000 (stm32: ..=2000000), within 2.5 % of what the clock makes [default: 38400]
+    /// Baud rate, 300..=1000000 (stm32: 641..=2000000), within 2.5 % of what the clock makes [default: 38400]
     #[arg(long, value_name = "N")]
     baud: Option<u32>,
     /// Character format: data bits, parity, stop bits; those of 7 bits with --ascii [default: 8N1]

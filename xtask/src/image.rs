@@ -240,7 +240,7 @@ impl Image {
             )));
         }
         if options.baud.is_some() || options.clock.is_some() {
-            check_baud(board, options.clock, options.baud.unwrap_or(DEFAULT_BAUD))?;
+            check_baud(board, &options)?;
         }
         if let Some(format) = options.format
             && !options.ascii
@@ -377,17 +377,18 @@ impl Image {
     }
 }
 
-/// The slowest rate at which the line's timing is right on every board and at every clock, and the fastest at which the
-/// Nano's receive interrupt follows.
-const BAUD_MIN: u32 = 2_400;
+/// The slowest rate that a clock makes and a timer counts on some board, and the fastest at which the Nano's receive interrupt
+/// follows. Whether the Nano's timer counts a rate below 600 the build says.
+const BAUD_MIN: u32 = 300;
 const NANO_BAUD_MAX: u32 = 1_000_000;
 
 /// What the applications are built for if nothing else is asked for.
 pub const DEFAULT_BAUD: u32 = 38_400;
 
-fn check_baud(board: Board, clock: Option<u32>, baud: u32) -> Result<(), Error> {
+fn check_baud(board: Board, options: &Options) -> Result<(), Error> {
+    let baud = options.baud.unwrap_or(DEFAULT_BAUD);
     let (clock_hz, max) = match board {
-        Board::Nano => (clock.unwrap_or(NANO_HZ), NANO_BAUD_MAX),
+        Board::Nano => (options.clock.unwrap_or(NANO_HZ), NANO_BAUD_MAX),
         Board::Stm32 => (STM32_USART_HZ, stm32_baud::MAX_BAUD),
     };
     if !(BAUD_MIN..=max).contains(&baud) {
@@ -403,6 +404,18 @@ fn check_baud(board: Board, clock: Option<u32>, baud: u32) -> Result<(), Error> 
             .err()
             .map(|error| error.nearest),
     };
+    if board == Board::Nano {
+        let bits = match options.format {
+            Some(Format::Bits8Even1 | Format::Bits8Odd1 | Format::Bits8None2) => 11,
+            _ => 10,
+        };
+        let slowest = baud::slowest(clock_hz, bits, options.ascii);
+        if baud < slowest {
+            return Err(Error::usage(format!(
+                "--baud {baud}: Timer1 counts no character that long at {clock_hz} Hz; the slowest rate is {slowest}"
+            )));
+        }
+    }
     match nearest {
         None => Ok(()),
         Some(nearest) => Err(Error::usage(format!(
@@ -533,11 +546,16 @@ mod tests {
             text.contains("--baud 921600") && text.ends_with("1000000"),
             "{text}"
         );
-        for outside in [0, 300, 2_399, 1_000_001, 2_000_000] {
+        for outside in [0, 299, 1_000_001, 2_000_000] {
             let text = refusal(with(outside));
-            assert!(text.contains("2400..=1000000"), "{text}");
+            assert!(text.contains("300..=1000000"), "{text}");
         }
-        assert!(with(2_400).is_ok() && with(1_000_000).is_ok());
+        let text = refusal(with(300));
+        assert!(
+            text.contains("--baud 300") && text.ends_with("307"),
+            "{text}"
+        );
+        assert!(with(600).is_ok() && with(1_000_000).is_ok());
     }
 
     #[test]

@@ -6,7 +6,7 @@
 #![feature(abi_avr_interrupt)]
 
 use embassy_avr_hal::gpio::{PD2, Pins};
-use embassy_avr_hal::usart::{Settings, Usart0};
+use embassy_avr_hal::usart::{RtuOnly, Settings, Slow, Usart0};
 use embassy_avr_hal::{bind_usart0, executor, pac};
 use multidrop_firmware::line::{InterCharacter, Line, LineConfig, Role};
 use multidrop_firmware::protocol::format::{Framing, LineFormat};
@@ -26,7 +26,7 @@ const START: LineConfig = LineConfig {
     ..LineConfig::DEFAULT
 };
 
-type Rs485 = Usart0<PD2, CLOCK_HZ>;
+type Rs485 = Usart0<PD2, CLOCK_HZ, Slow<RtuOnly>>;
 
 bind_usart0!(Rs485);
 

@@ -52,6 +52,16 @@ impl Divisor {
 /// interrupt, which takes 119. The USART alone would do twice that rate.
 pub const MIN_CYCLES_PER_BIT: u32 = 16;
 
+/// Ticks that the longest frame has at most: the turns of Timer1 in it are counted in a byte.
+const FRAME_TICKS_MAX: u32 = 0xFF_FFFF;
+
+/// The slowest rate, in baud, at which Timer1, at an eighth of `clock_hz`, counts a character of so many bits, and the longest frame,
+/// with one more character, that takes it: 256 of them in RTU, 513 in ASCII.
+pub const fn slowest(clock_hz: u32, character_bits: u32, is_ascii: bool) -> u32 {
+    let characters = if is_ascii { 2 * 257 } else { 257 };
+    (character_bits * (clock_hz / 8)).div_ceil(FRAME_TICKS_MAX / characters)
+}
+
 /// A baud rate that the clock cannot make within [`MAX_ERROR_PPM`], or that is faster than the CPU can
 /// follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -169,6 +179,20 @@ mod tests {
             })
         );
         assert_eq!(divisor(16_000_000, 100).unwrap_err().nearest, 244);
+    }
+
+    #[test]
+    fn the_timer_counts_1200_baud_in_every_format_and_slower_ones_where_its_clock_is_slow() {
+        for clock_hz in [8_000_000, 11_059_200, 16_000_000, 20_000_000] {
+            for is_ascii in [false, true] {
+                assert!(slowest(clock_hz, 11, is_ascii) <= 1_200);
+            }
+            assert!(slowest(clock_hz, 11, false) <= 600);
+        }
+        assert!(slowest(8_000_000, 11, false) <= 300);
+        assert!(slowest(16_000_000, 10, false) > 300);
+        // 10 * 2 MHz / 65280.
+        assert_eq!(slowest(16_000_000, 10, false), 307);
     }
 
     #[test]

@@ -44,7 +44,7 @@ const _: () = assert!(
     "CRYSTAL_HZ divided by PREDIV must be 2 MHz"
 );
 const CPU_HZ: u32 = PLL_IN_HZ * 168 / 2;
-const _: () = assert!(CPU_HZ / 4 == APB1_HZ && CPU_HZ / 2 == APB2_HZ);
+const _: () = assert!(CPU_HZ / 4 == APB1_HZ && CPU_HZ / 4 == APB2_HZ);
 
 /// TIM5 is clocked with twice APB1 (RM0090 7.2), and divided by two.
 const PRESCALER: u16 = 2;
@@ -80,7 +80,7 @@ pub(crate) fn init() {
     config.rcc.sys = Sysclk::PLL1_P;
     config.rcc.ahb_pre = AHBPrescaler::DIV1;
     config.rcc.apb1_pre = APBPrescaler::DIV4;
-    config.rcc.apb2_pre = APBPrescaler::DIV2;
+    config.rcc.apb2_pre = APBPrescaler::DIV4;
     // Else those of DMA, which an application may use, go before characters.
     config.dma_interrupt_priority = OTHERS;
     config.enable_debug_during_sleep = IS_DEBUG;

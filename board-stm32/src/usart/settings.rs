@@ -133,7 +133,13 @@ impl Settings {
                 if divisor.over8 { 10 } else { 9 } + if bits.cr2 == STOP_2 { 16 } else { 0 };
             (sixteenths * tick_hz).div_ceil(16 * baud)
         };
-        let silence = timing::t3_5(format, baud, tick_hz);
+        let mut silence = timing::t3_5(format, baud, tick_hz);
+        if let InterCharacter::Gap(ms) = config.inter_character {
+            let gap = timing::gap(ms, tick_hz);
+            if gap > silence {
+                silence = gap;
+            }
+        }
         let t1_5 = rest_of_stop + timing::t1_5(format, baud, tick_hz);
         let t3_5 = rest_of_stop + silence;
         let to_start = match (config.role, config.inter_character) {

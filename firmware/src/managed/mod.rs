@@ -231,6 +231,7 @@ where
             LineError::Format(_) => Reason::Chip,
             LineError::Flow => Reason::Wiring,
             LineError::Delay => Reason::Chip,
+            LineError::Silence => Reason::Silence,
             LineError::Framing(framing) => Reason::Framing(framing),
         })
     }

@@ -54,6 +54,8 @@ pub enum Reason {
     NoSniffer,
     /// The line was built without this framing.
     Framing(Framing),
+    /// t3.5, or the gap that ends a frame, would be longer than the line was built to count.
+    Silence,
     /// It is not how the port is wired.
     Wiring,
     /// A transaction is under way.
@@ -136,6 +138,7 @@ impl fmt::Display for Refused {
             Reason::Framing(Framing::Ascii) => write!(f, "the line was built without ASCII"),
             Reason::NoSniffer => write!(f, "the line was built without a sniffer"),
             Reason::Framing(Framing::Text) => write!(f, "the line was built without text"),
+            Reason::Silence => write!(f, "the line was built without silences of that length"),
             Reason::Wiring => write!(f, "must be {}: the port is wired so", 1 - value.min(1)),
             Reason::NotMaster => write!(f, "must be 0 (master) for START"),
             Reason::Index(_) | Reason::ReadOnly | Reason::Running => Ok(()),

@@ -34,7 +34,7 @@ struct Usart {
 const USARTS: [Usart; 4] = [
     Usart {
         base: 0x4001_1000,
-        clock_hz: 84_000_000,
+        clock_hz: 42_000_000,
         exti: 10,
         de: None,
     },

@@ -44,6 +44,11 @@ impl Rules {
         }
     }
 
+    /// Servers that allow gaps inside frames.
+    pub fn with_gaps(line: Line) -> Self {
+        Rules::client(line)
+    }
+
     /// Servers that speak ASCII, which has up to a second between characters.
     pub fn ascii(line: Line) -> Self {
         Rules::client(line)

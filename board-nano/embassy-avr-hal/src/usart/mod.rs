@@ -17,6 +17,9 @@
 //! DE_LEAD and RESPONSE_DELAY are there where the type asks for them ([`Delayed`]): a delay beyond the timer's 16 bits is
 //! counted in parts.
 //!
+//! Silences of more than 65535 ticks, of slow lines and of gaps that end a frame, are counted in parts where the type asks
+//! for it ([`Slow`]); a line without pays nothing.
+//!
 //! Its interrupts wake tasks through [`executor::run`](crate::executor::run), which has to be the one that
 //! runs them. They are bound by one line in the binary, [`bind_usart0!`](crate::bind_usart0).
 
@@ -38,7 +41,7 @@ use crate::gpio::{DriverEnable, PD0, PD1, hold_rxd_high};
 use crate::pac::{TC1, USART0};
 use crate::timer1;
 pub(crate) use character::set_attention;
-pub use settings::{Delayed, Delaying, Delays, Framings, RtuAndAscii, RtuOnly, Settings};
+pub use settings::{Delayed, Delaying, Delays, Framings, RtuAndAscii, RtuOnly, Settings, Slow};
 use state::{SHARED, State};
 
 /// With interrupts off.

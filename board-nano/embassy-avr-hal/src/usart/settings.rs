@@ -7,7 +7,7 @@ use multidrop_firmware::protocol::format::{Framing, LineFormat, Parity};
 use multidrop_firmware::protocol::port_registers::Flow;
 use multidrop_firmware::protocol::timing;
 
-use crate::baud::divisor;
+use crate::baud::{divisor, slowest};
 use crate::timer1::PRESCALER;
 
 /// Bits of UCSR0A (DS 20.11.2).
@@ -21,11 +21,18 @@ const LATENCY: u32 = 6;
 /// A client judges a frame half way from t1.5 to t3.5: above 19200 baud it has 500 us to make its next request.
 const JUDGED_EARLY_CLIENT: u32 = 2;
 
-/// The framings that a line can be set up for, as a type: what is for ASCII is not in an image whose line
+/// An interval that does not fit the timer's 16 bits is counted in parts: a first one, and further ones of so many ticks. A
+/// delay is counted in parts of at most so many.
+pub(crate) const PART: u16 = 0x8000;
+
+/// What a line can be set up for, as a type: what is for ASCII, or for slow lines, is not in an image whose line
 /// has no use for it.
 pub trait Framings: 'static {
     /// Whether ASCII is among them; RTU always is.
     const ASCII: bool;
+    /// Whether silences may be longer than Timer1's 65535 ticks, 32.7 ms at 16 MHz: t3.5 below some 1400 baud, gaps of
+    /// [`InterCharacter::Gap`] above 30 ms.
+    const SLOW: bool = false;
     /// What there is for DE_LEAD and RESPONSE_DELAY: [`Delays`], or `()` for nothing.
     type Delays: Delaying;
 }
@@ -82,6 +89,16 @@ pub struct Delayed<F>(PhantomData<F>);
 impl<F: Framings> Framings for Delayed<F> {
     const ASCII: bool = F::ASCII;
     type Delays = Delays;
+    const SLOW: bool = F::SLOW;
+}
+
+/// What `F` is for, and slow lines beside: silences of any length that the settings know.
+pub struct Slow<F>(PhantomData<F>);
+
+impl<F: Framings> Framings for Slow<F> {
+    const ASCII: bool = F::ASCII;
+    const SLOW: bool = true;
+    type Delays = F::Delays;
 }
 
 impl Framings for RtuOnly {
@@ -99,8 +116,11 @@ impl Framings for RtuAndAscii {
 pub struct Settings<F: Framings> {
     pub(crate) ubrr: u16,
     pub(crate) ucsrc: u8,
-    pub(crate) is_ascii: bool,
-    pub(crate) data_bits: u8,
+    /// Data bits of a character; and [`ASCII`].
+    character: u8,
+    /// Of `to_complete` the further parts in the lower half, of `kept.to_stand` in the upper one. The compiler keeps settings in
+    /// RAM: what follows from others is not among them.
+    parts: u8,
     /// Ticks from the moment in which a character is taken from the USART to the end of the silence
     /// that completes a frame; in ASCII a fortieth of a second.
     pub(crate) to_complete: u16,
@@ -109,11 +129,25 @@ pub struct Settings<F: Framings> {
     framings: PhantomData<F>,
 }
 
+/// In [`Settings`]' `character`: the framing is ASCII.
+const ASCII: u8 = 1 << 7;
+
+/// Parts behind the first one of intervals that have such, and what of one is left without a character.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Long {
+    pub(crate) to_complete: u8,
+    pub(crate) to_stand: u8,
+    pub(crate) to_stand_less_character: u8,
+    /// The first part of that.
+    pub(crate) less_character: u16,
+    pub(crate) t3_5: u8,
+}
+
 /// What of it is looked up later.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Kept {
     pub(crate) ucsra: u8,
-    /// Ticks from there to the judgement; 0 where that is what completes a frame.
+    /// Ticks from there to the judgement; 0 where that is what completes a frame. In ASCII t3.5.
     pub(crate) to_stand: u16,
     /// Ticks from there to t3.5.
     pub(crate) to_start: u16,
@@ -142,8 +176,8 @@ impl<F: Framings> Settings<F> {
     /// # Errors
     /// [`LineError::Delay`] for an answer that has to wait on a line that has no [`Delayed`];
     /// [`LineError::Framing`] for ASCII on a line that has none, and for text; [`LineError::Format`] for RTU with seven
-    /// data bits; [`LineError::Flow`] for RTS/CTS; [`LineError::Baud`] for a rate that is off by more than 2.5 % or so
-    /// slow that t3.5 exceeds the 16 bits of the timer (below 1400 baud at 16 MHz).
+    /// data bits; [`LineError::Flow`] for RTS/CTS; [`LineError::Baud`] for a rate that is off by more than 2.5 %, or
+    /// [too slow](crate::baud::slowest): below 154 baud at 8 MHz, 307 at 16, in ASCII twice that; [`LineError::Silence`] for silences over 65535 ticks where [`Framings::SLOW`] is off.
     pub const fn new(config: &LineConfig, clock_hz: u32) -> Result<Self, LineError> {
         let tick_hz = clock_hz / PRESCALER;
         let (baud, format) = (config.baud, config.format);
@@ -172,12 +206,22 @@ impl<F: Framings> Settings<F> {
             let sixteenths = 16 * (format.stop_bits() as u32 - 1) + 7;
             (sixteenths * tick_hz).div_ceil(16 * baud)
         };
-        let silence = timing::t3_5(format, baud, tick_hz);
+        let mut silence = timing::t3_5(format, baud, tick_hz);
+        if let InterCharacter::Gap(ms) = config.inter_character {
+            let gap = timing::gap(ms, tick_hz);
+            if gap > silence {
+                silence = gap;
+            }
+        }
         let t1_5 = rest_of_stop + timing::t1_5(format, baud, tick_hz) - LATENCY;
         let t3_5 = rest_of_stop + silence - LATENCY;
         let character = timing::character(format, baud, tick_hz);
-        if t3_5 + character > u16::MAX as u32 {
-            return Err(LineError::Baud { nearest: 2400 });
+        let slowest = slowest(clock_hz, format.character_bits() as u32, is_ascii);
+        if baud < slowest {
+            return Err(LineError::Baud { nearest: slowest });
+        }
+        if !F::SLOW && t3_5 + character > u16::MAX as u32 {
+            return Err(LineError::Silence);
         }
         let to_start = match (config.role, config.inter_character) {
             (Role::Client, InterCharacter::Strict) => (t3_5 - t1_5) / JUDGED_EARLY_CLIENT,
@@ -197,27 +241,71 @@ impl<F: Framings> Settings<F> {
         };
         // SAFETY: `F::Delays` is `Delays`, or of no size.
         let delays = unsafe { Made { given }.wanted };
+        let (to_complete, to_stand) = if is_ascii {
+            (tick_hz.div_ceil(40), t3_5)
+        } else {
+            (to_complete, t3_5 - to_start - to_complete)
+        };
         Ok(Self {
             ubrr: divisor.ubrr,
             ucsrc: ucsrc(format),
-            is_ascii,
-            data_bits: format.data_bits(),
-            to_complete: if is_ascii {
-                tick_hz.div_ceil(40) as u16
-            } else {
-                to_complete as u16
-            },
+            character: format.data_bits() | if is_ascii { ASCII } else { 0 },
+            parts: further_parts(to_complete) | further_parts(to_stand) << 4,
+            to_complete: first_part(to_complete),
             kept: Kept {
                 ucsra: if divisor.u2x { U2X } else { 0 },
-                to_stand: (t3_5 - to_start - to_complete) as u16,
+                to_stand: first_part(to_stand),
                 to_start: to_start as u16,
                 character: character as u16,
-                t3_5: t3_5 as u16,
+                t3_5: first_part(t3_5),
             },
             delays,
             framings: PhantomData,
         })
     }
+
+    pub(crate) const fn is_ascii(&self) -> bool {
+        self.character & ASCII != 0
+    }
+
+    pub(crate) const fn data_bits(&self) -> u8 {
+        self.character & !ASCII
+    }
+
+    /// What a slow line keeps beside.
+    pub(crate) const fn long(&self) -> Long {
+        let (of_complete, of_stand) = (self.parts & 0x0F, self.parts >> 4);
+        let kept = &self.kept;
+        let to_stand = whole(kept.to_stand, of_stand);
+        let t3_5 = if self.is_ascii() {
+            to_stand
+        } else {
+            whole(self.to_complete, of_complete) + to_stand + kept.to_start as u32
+        };
+        let less_character = to_stand.saturating_sub(kept.character as u32);
+        Long {
+            to_complete: of_complete,
+            to_stand: of_stand,
+            to_stand_less_character: further_parts(less_character),
+            less_character: first_part(less_character),
+            t3_5: further_parts(t3_5),
+        }
+    }
+}
+
+/// Of an interval in ticks: all of it, if it fits; else so much that the rest are whole parts, and no less than one of them.
+const fn first_part(ticks: u32) -> u16 {
+    (ticks - further_parts(ticks) as u32 * PART as u32) as u16
+}
+
+/// At most 9: t3.5 of a character that 65535 ticks count.
+const fn further_parts(ticks: u32) -> u8 {
+    (ticks / PART as u32).saturating_sub(1) as u8
+}
+
+/// An interval again.
+const fn whole(first: u16, further: u8) -> u32 {
+    first as u32 + further as u32 * PART as u32
 }
 
 /// Contents of UCSR0C (DS 20.11.4): parity in bits 5 and 4, stop bits in bit 3, data bits in 2 and 1.

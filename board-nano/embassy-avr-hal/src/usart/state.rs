@@ -12,7 +12,7 @@ use multidrop_firmware::protocol::rtu::Heard;
 
 use super::character::{Hot, set_attention};
 use super::registers::{self, Usart};
-use super::settings::{Delaying, Delays, Framings, Kept, Settings};
+use super::settings::{Delaying, Delays, Framings, Kept, Long, PART, Settings};
 use crate::edge;
 use crate::executor;
 use crate::gpio::DriverEnable;
@@ -79,6 +79,32 @@ impl AsciiState {
     }
 }
 
+/// What is for slow lines, apart from [`State`] for the same reason.
+struct LongCell(UnsafeCell<Long>);
+
+// SAFETY: as for `SHARED`.
+unsafe impl Sync for LongCell {}
+
+static LONG: LongCell = LongCell(UnsafeCell::new(Long {
+    to_complete: 0,
+    to_stand: 0,
+    to_stand_less_character: 0,
+    less_character: 0,
+    t3_5: 0,
+}));
+
+impl Long {
+    /// The one there is.
+    ///
+    /// # Safety
+    /// In an interrupt of the line, or with interrupts off; one reference at a time.
+    #[inline(always)]
+    unsafe fn get() -> &'static mut Long {
+        // SAFETY: as demanded above.
+        unsafe { &mut *LONG.0.get() }
+    }
+}
+
 /// [`Line::set_delimiter`](multidrop_firmware::Line::set_delimiter); with interrupts off.
 pub(super) fn set_delimiter(delimiter: u8) {
     // SAFETY: interrupts are off.
@@ -116,9 +142,6 @@ impl DelayState {
         unsafe { &mut *DELAYS.0.get() }
     }
 }
-
-/// The most ticks that a part of a delay has.
-const PART: u16 = 0x8000;
 
 /// Sets OCR1B. The TEMP register of 16-bit accesses (DS 16.3) is safe since interrupts are off.
 #[inline(always)]
@@ -176,8 +199,12 @@ impl State {
         if F::ASCII {
             // SAFETY: interrupts are off.
             let state = unsafe { AsciiState::get() };
-            state.is_on = settings.is_ascii;
-            state.ascii.set_data_bits(settings.data_bits);
+            state.is_on = settings.is_ascii();
+            state.ascii.set_data_bits(settings.data_bits());
+        }
+        if F::SLOW {
+            // SAFETY: interrupts are off.
+            *unsafe { Long::get() } = settings.long();
         }
         if F::Delays::ARE_THERE {
             // SAFETY: interrupts are off.
@@ -213,6 +240,11 @@ impl State {
     ) -> Option<u8> {
         let flaws = registers::flaws(errors);
         edge::on_character();
+        if F::SLOW {
+            // Characters that do not pass by here follow one that did, without an alarm between: nothing was counted since.
+            // SAFETY: in the interrupt.
+            set_turns(unsafe { Long::get() }.to_complete);
+        }
         let (machine, mut wire) = self.parts::<DE, F>();
         if wire.ascii().is_some() {
             machine.on_ascii_character(&mut wire, Usart::take(), flaws);
@@ -229,6 +261,14 @@ impl State {
     /// Timer1 Compare Match B.
     #[inline(always)]
     pub fn on_alarm<DE: DriverEnable, F: Framings>(&mut self) {
+        if F::SLOW && !self.machine.is_sending() {
+            let left = turns();
+            if left > 0 {
+                set_turns(left - 1);
+                advance_compare(PART);
+                return set_attention(true);
+            }
+        }
         let (machine, mut wire) = self.parts::<DE, F>();
         machine.on_alarm(&mut wire);
         set_attention(true);
@@ -270,8 +310,21 @@ fn bounded(character: u16, len: u8) -> u32 {
     u32::from_le_bytes([first, second, third, 0])
 }
 
-/// GPIOR2 (DS 8.6.4): how often Timer1 still goes round before a transmission has to be over.
+/// GPIOR2 (DS 8.6.4): how often Timer1 still goes round before a transmission has to be over; on slow lines, while they do not
+/// send, how many parts the interval still has behind the one that runs.
 const TURNS: *mut u8 = 0x4B as *mut u8;
+
+#[inline(always)]
+fn turns() -> u8 {
+    // SAFETY: a plain storage register, used by the line only.
+    unsafe { TURNS.read_volatile() }
+}
+
+#[inline(always)]
+fn set_turns(turns: u8) {
+    // SAFETY: as above.
+    unsafe { TURNS.write_volatile(turns) }
+}
 
 impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
     const IS_BOUNDED: bool = !cfg!(feature = "bare");
@@ -312,8 +365,20 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
     #[inline(always)]
     fn alarm(&mut self, interval: Interval) -> bool {
         let kept = self.0;
+        if F::SLOW {
+            // SAFETY: in an interrupt of the line, or with interrupts off.
+            let long = unsafe { Long::get() };
+            set_turns(match interval {
+                Interval::ToStand => long.to_stand,
+                Interval::ToStandLessCharacter => long.to_stand_less_character,
+                Interval::T3_5 | Interval::T3_5Then => long.t3_5,
+                Interval::ToStart | Interval::Character | Interval::Fortieth => 0,
+            });
+        }
         let ticks = match interval {
             Interval::ToStand => kept.to_stand,
+            // SAFETY: as above.
+            Interval::ToStandLessCharacter if F::SLOW => unsafe { Long::get() }.less_character,
             Interval::ToStandLessCharacter => kept.to_stand.saturating_sub(kept.character),
             Interval::ToStart => kept.to_start,
             Interval::T3_5Then => kept.t3_5,
@@ -378,8 +443,7 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
             ticks *= 2;
         }
         let [first, second, turns, _] = ticks.to_le_bytes();
-        // SAFETY: a plain storage register, used by the line only.
-        unsafe { TURNS.write_volatile(turns) };
+        set_turns(turns);
         let part = u16::from_le_bytes([first | SOON as u8, second]);
         set_compare(timer1::now().wrapping_add(part));
         self.alarm_on();
@@ -387,12 +451,9 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
 
     #[inline(always)]
     fn is_bound_over(&mut self) -> bool {
-        // SAFETY: as above.
-        unsafe {
-            let turns = TURNS.read_volatile();
-            TURNS.write_volatile(turns.wrapping_sub(1));
-            turns == 0
-        }
+        let left = turns();
+        set_turns(left.wrapping_sub(1));
+        left == 0
     }
 
     #[inline(always)]

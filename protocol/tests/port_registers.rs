@@ -5,7 +5,7 @@ mod harness;
 use harness::random::Random;
 use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::port_registers::{
-    Change, LineSettings, PortRegisters, Reason, Register, Settings,
+    Change, InterCharacter, LineSettings, PortRegisters, Reason, Register, Settings,
 };
 use multidrop_protocol::registers::{Bank, CoilBank, NoRules, ScanList, SparseBank};
 use multidrop_protocol::rules;
@@ -250,6 +250,8 @@ fn what_the_chip_cannot_do_is_refused_by_name() {
             Err(Reason::Chip)
         } else if line.duplex as u8 == 1 {
             Err(Reason::Wiring)
+        } else if line.baud < 1_400 || line.inter_character == InterCharacter::Gap(50) {
+            Err(Reason::Silence)
         } else {
             Ok(())
         }
@@ -267,6 +269,16 @@ fn what_the_chip_cannot_do_is_refused_by_name() {
         ),
         ("FLOW", 1, "FLOW is 1, the chip does not have it"),
         ("DUPLEX", 1, "DUPLEX is 1, must be 0: the port is wired so"),
+        (
+            "BAUD",
+            1_200,
+            "BAUD is 1200, the line was built without silences of that length",
+        ),
+        (
+            "INTER_CHARACTER",
+            50,
+            "INTER_CHARACTER is 50, the line was built without silences of that length",
+        ),
     ] {
         let register = Register::from_name(name).unwrap();
         let before = port.read(register);

@@ -48,7 +48,19 @@ pub fn install() -> Result<(), Error> {
         list(&[]);
         return Ok(());
     }
-    for need in &missing {
+    add(&missing);
+
+    println!();
+    if list(&missing) {
+        Ok(())
+    } else {
+        Err(Error::failed("what is missing has to be installed by hand"))
+    }
+}
+
+/// Installs what can be installed of these.
+fn add(missing: &[&'static Need]) {
+    for need in missing {
         println!("missing: {}", need.name);
     }
     let is_missing = |name: &str| missing.iter().any(|need| need.name == name);
@@ -79,13 +91,6 @@ pub fn install() -> Result<(), Error> {
     if is_missing("Python with pymodbus") || is_missing("Unicorn's library") {
         install_python();
     }
-
-    println!();
-    if list(&missing) {
-        Ok(())
-    } else {
-        Err(Error::failed("what is missing has to be installed by hand"))
-    }
 }
 
 /// What `purposes` need and the machine lacks, as an error; nothing is installed.
@@ -103,18 +108,16 @@ pub fn require(purposes: &[Purpose]) -> Result<(), Error> {
     )))
 }
 
-/// Sets up, and goes on when all that `purposes` need is there, whatever else could not be had.
+/// Installs what `purposes` need and the machine lacks, and nothing else.
 ///
 /// # Errors
 /// As [`require`].
 pub fn prepare(purposes: &[Purpose]) -> Result<(), Error> {
-    if missing(|_| true).is_empty() {
-        return Ok(());
+    let missing = missing(|need| purposes.contains(&need.purpose));
+    if !missing.is_empty() {
+        add(&missing);
     }
-    match install() {
-        Ok(()) => Ok(()),
-        Err(_) => require(purposes),
-    }
+    require(purposes)
 }
 
 fn missing(wanted: impl Fn(&Need) -> bool) -> Vec<&'static Need> {

@@ -16,10 +16,13 @@ use embassy_avr_hal::usart::{RtuAndAscii, Settings, Usart0};
 use embassy_avr_hal::{bind_time, bind_usart0, pac};
 use embassy_time::Timer;
 use embedded_hal::digital::{InputPin, OutputPin, StatefulOutputPin};
+use multidrop_firmware::protocol::data::RegistersOut;
+use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::protocol::port_registers::{PortRegisters, Refused, Register};
 use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
-use multidrop_firmware::{ManagedPort, PortConfig, managed_receive, managed_run};
+use multidrop_firmware::protocol::server::DataModel;
+use multidrop_firmware::{ManagedPort, PortConfig, Shared, managed_receive, managed_serve};
 use static_cell::StaticCell;
 
 const CLOCK_HZ: u32 = 16_000_000;
@@ -47,7 +50,18 @@ async fn receive(port: &'static Port) -> ! {
 
 #[embassy_executor::task]
 async fn run(port: &'static Port) -> ! {
-    managed_run(port).await
+    managed_serve(port, &Shared::new(Cells(port))).await
+}
+
+/// What a slave tells: the port's registers, to be read. The server of all that the port itself has does not fit in beside the rest.
+struct Cells(&'static Port);
+
+impl DataModel for Cells {
+    fn holding_registers(&mut self, first: u16, out: RegistersOut<'_>) -> Result<(), Exception> {
+        self.0
+            .registers()
+            .with(|rs4| rs4.holding_registers(first, out))
+    }
 }
 
 /// Starts what the registers describe; as a slave it is refused.

@@ -13,7 +13,7 @@
  .text
 reset:
  ldr r0, =0x40011000    @ USART1
- ldr r1, =2188          @ 84 MHz / 38400
+ ldr r1, =1094          @ 42 MHz / 38400
  str r1, [r0, #0x08]    @ BRR
  ldr r1, =0x202C        @ UE, RXNEIE, TE, RE
  str r1, [r0, #0x0C]    @ CR1

@@ -124,6 +124,8 @@ fn units_that_are_missing_and_ports_that_refuse(runner: Runner) {
         &data(10, 3, &be(&[0, 38_400])),
     );
     desk.bus.plug(node);
+    // The unit owes an answer: until TIMEOUT and LATE_GUARD are over it is not asked for the same again.
+    desk.bus.run_for(Time::from_ms(150));
     expect(&mut desk, &words(2, 3, 0, 1), &data(2, 3, &be(&[2])));
 }
 

@@ -8,16 +8,18 @@ use common::plain::wire::{Way, ascii};
 use common::{LINE, Runner, conformance, guarded};
 use multidrop_bus::{Bus, BusConfig, Format, HostId, HostPort, Line, Stm32, Time, WireId};
 
-/// The slowest rate that there is.
-const SLOW: Line = Line::n81(2_400);
-
 /// A board with `conformance` at its slowest, and a host.
 fn slow(board: Board, way: Way) -> (Bus, HostId, Line) {
+    let baud = match (board, way) {
+        (Board::Nano, Way::Rtu) => 600,
+        (Board::Nano, Way::Ascii) => 1_200,
+        (Board::Stm32(_), _) => 650,
+    };
     let line = match way {
-        Way::Rtu => SLOW,
+        Way::Rtu => Line::n81(baud),
         Way::Ascii => Line {
+            baud,
             format: Format::E71,
-            ..SLOW
         },
     };
     let image = conformance(board, way, line);
@@ -37,7 +39,8 @@ fn slow(board: Board, way: Way) -> (Bus, HostId, Line) {
         }
     }
     let host = bus.add_host(HostPort::new(line));
-    bus.run_for(Time::from_ms(50));
+    // Nothing is heard before the first t3.5.
+    bus.run_for(Time::from_ms(50) + line.t35());
     (bus, host, line)
 }
 

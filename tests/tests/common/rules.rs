@@ -152,7 +152,11 @@ fn flaw(heard: &[&WireByte], line: Line, bit: Time) -> Option<Flaw> {
         .rposition(apart)
         .map_or(0, |place| place + 1);
     let frame = &heard[first..];
-    if frame.iter().any(|byte| !byte.is_good()) {
+    // What a receiver can tell of a character; values that were damaged are for the CRC.
+    if frame
+        .iter()
+        .any(|byte| byte.framing_error || byte.parity_error)
+    {
         return Some(Flaw::Damaged);
     }
     frame

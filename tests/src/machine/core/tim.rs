@@ -249,6 +249,10 @@ mod tests {
     fn the_counter_wraps_with_an_update_and_matches_behind_it() {
         let mut timer = timer(u32::MAX, u32::MAX - 9);
         timer.write(0x34, 5, 1000);
+        // The other channels match a compare value of 0 with the update (RM0090 18.4.5, CC1IF), whether they are used or not.
+        for channel in [0x38, 0x3C, 0x40] {
+            timer.write(channel, 100, 1000);
+        }
         timer.write(0x0C, 2, 1000);
         assert_eq!(timer.next(), 1000 + 8 * 15);
         timer.advance(1000 + 8 * 10);

@@ -9,11 +9,11 @@ use std::io::Read;
 use std::os::unix::ffi::OsStringExt;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often a wait looks at whether it is to end.
 const LOOK: Duration = Duration::from_millis(5);
@@ -70,7 +70,8 @@ pub fn wait_until(mut done: impl FnMut() -> Result<bool, Error>) -> Result<(), E
 /// # Errors
 /// [`Error::failed`] if it fails; and as [`check`].
 pub fn run(command: &mut Command) -> Result<(), Error> {
-    finish(command, Group::new()?)
+    let status = end_of(command, Duration::MAX)?;
+    succeeded(status, &repo::shown(command))
 }
 
 /// As [`run`]; gives what the program printed.
@@ -78,6 +79,19 @@ pub fn run(command: &mut Command) -> Result<(), Error> {
 /// # Errors
 /// As [`run`].
 pub fn output_of(command: &mut Command) -> Result<String, Error> {
+    let (status, printed) = output_within(command, Duration::MAX)?;
+    succeeded(status, &repo::shown(command)).map(|()| printed)
+}
+
+/// As [`output_of`], for a program that may fail, or not come to an end: then it is ended when `patience` is over, with all that it has
+/// started, and has no status.
+///
+/// # Errors
+/// [`Error::failed`] if it cannot be run; and as [`check`].
+pub fn output_within(
+    command: &mut Command,
+    patience: Duration,
+) -> Result<(Option<ExitStatus>, String), Error> {
     let (mut printed, end) =
         std::io::pipe().map_err(|error| Error::io("cannot make a pipe", error))?;
     command.stdout(end);
@@ -85,16 +99,28 @@ pub fn output_of(command: &mut Command) -> Result<String, Error> {
         let mut text = Vec::new();
         printed.read_to_end(&mut text).map(|_| text)
     });
-    let ended = finish(command, Group::new()?);
+    let ended = end_of(command, patience);
     // The end of the pipe that is for the program closes with it here.
     command.stdout(Stdio::null());
-    ended?;
+    let status = ended?;
     let text = reader.join().expect("reading does not panic");
     let text = text.map_err(|error| Error::io(repo::shown(command), error))?;
-    Ok(String::from_utf8_lossy(&text).into_owned())
+    Ok((status, String::from_utf8_lossy(&text).into_owned()))
 }
 
-fn finish(command: &mut Command, group: Group) -> Result<(), Error> {
+fn succeeded(status: Option<ExitStatus>, shown: &str) -> Result<(), Error> {
+    match status {
+        Some(status) if !status.success() => {
+            Err(Error::failed(format!("{shown} ended with {status}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Runs it to its end, or until `patience` is over: no status then.
+fn end_of(command: &mut Command, patience: Duration) -> Result<Option<ExitStatus>, Error> {
+    let group = Group::new()?;
+    let begun = Instant::now();
     let shown = repo::shown(command);
     let mut child = command
         .process_group(group.id())
@@ -103,19 +129,13 @@ fn finish(command: &mut Command, group: Group) -> Result<(), Error> {
     let mut status = None;
     let waited = wait_until(|| {
         status = child.try_wait().map_err(|error| Error::io(&shown, error))?;
-        Ok(status.is_some())
+        Ok(status.is_some() || begun.elapsed() >= patience)
     });
-    if waited.is_err() {
+    if status.is_none() {
         group.kill();
         let _ = child.wait();
     }
-    waited?;
-    match status {
-        Some(status) if !status.success() => {
-            Err(Error::failed(format!("{shown} ended with {status}")))
-        }
-        _ => Ok(()),
-    }
+    waited.map(|()| status)
 }
 
 /// A process group with a watcher in it, which reads from us: when there is nobody any more to read from, even after SIGKILL,
@@ -222,6 +242,14 @@ mod tests {
         let path = executable(printed);
         assert_eq!(path, Some(PathBuf::from(r#"/a "b"/c\d/sim"#)));
         assert_eq!(executable("{\"executable\":null}"), None);
+    }
+
+    #[test]
+    fn what_takes_too_long_is_ended_with_all_that_it_has_started() {
+        let script = "(sleep 2; echo late) & echo early; sleep 600";
+        let mut command = Command::new("sh");
+        let ended = output_within(command.args(["-c", script]), Duration::from_millis(300));
+        assert_eq!(ended.ok(), Some((None, "early\n".to_owned())));
     }
 
     #[test]

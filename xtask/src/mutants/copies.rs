@@ -2,15 +2,13 @@
 
 use super::planted::{Fault, Test, planted};
 use crate::error::Error;
-use crate::repo;
+use crate::{job, repo};
 use std::collections::BTreeSet;
 use std::fs;
-use std::io::Read;
 use std::os::unix::fs::symlink;
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How long a test may take with a fault in it, the build aside as far as it is there.
 const PATIENCE: Duration = Duration::from_secs(600);
@@ -104,17 +102,14 @@ impl Copy {
     /// Runs a test.
     ///
     /// # Errors
-    /// [`Error::failed`] where cargo cannot be started.
+    /// [`Error::failed`] where cargo cannot be started; and as [`job::check`].
     pub fn run(&self, test: &Test) -> Result<Verdict, Error> {
         let mut cargo = repo::cargo();
         cargo
             .current_dir(&self.folder)
             .args(["test", "--package", &test.package])
             .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            // Whatever it started ends with it.
-            .process_group(0);
+            .stderr(Stdio::null());
         if !test.is_on_host() {
             cargo.arg("--release");
         }
@@ -123,29 +118,7 @@ impl Copy {
             None => cargo.arg("--lib"),
         };
         cargo.arg(&test.name);
-        let mut child = cargo.spawn().map_err(|error| Error::io("cargo", error))?;
-        let mut stdout = child.stdout.take().expect("it is piped");
-        let reader = std::thread::spawn(move || {
-            let mut printed = Vec::new();
-            let _ = stdout.read_to_end(&mut printed);
-            String::from_utf8_lossy(&printed).into_owned()
-        });
-        let begun = Instant::now();
-        let status = loop {
-            match child.try_wait() {
-                Ok(Some(status)) => break Some(status),
-                Ok(None) if begun.elapsed() < PATIENCE => {
-                    std::thread::sleep(Duration::from_millis(50));
-                }
-                Ok(None) => break None,
-                Err(error) => return Err(Error::io("cargo", error)),
-            }
-        };
-        if status.is_none() {
-            kill_group(child.id());
-            let _ = child.wait();
-        }
-        let printed = reader.join().unwrap_or_default();
+        let (status, printed) = job::output_within(&mut cargo, PATIENCE)?;
         Ok(match status {
             None => Verdict::Hung,
             Some(status) => verdict(status.success(), &printed),
@@ -165,12 +138,6 @@ fn verdict(succeeded: bool, printed: &str) -> Verdict {
     } else {
         Verdict::NotRun
     }
-}
-
-fn kill_group(leader: u32) {
-    let _ = Command::new("kill")
-        .args(["-9", "--", &format!("-{leader}")])
-        .status();
 }
 
 /// Every file that git knows or would take, from `root`.

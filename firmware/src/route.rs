@@ -42,8 +42,8 @@ use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::function::{
     DIAGNOSTICS, EXCEPTION_BIT, MASK_WRITE_REGISTER, READ_COILS, READ_DISCRETE_INPUTS,
-    READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS, READ_WRITE_REGISTERS, WRITE_MULTIPLE_COILS,
-    WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER,
+    READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS, READ_WRITE_REGISTERS, WRITE_FILE_RECORD,
+    WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER,
 };
 
 use crate::client::{Client, ClientError};
@@ -249,8 +249,8 @@ impl Request for Forwarded<'_> {
         Ok(())
     }
 
-    /// A read is told by its length, a write by what it echoes: behind the guard time, an answer may be another request's. Of other
-    /// functions nothing is known here.
+    /// A read is told by its length, a write by what it echoes, a diagnostic by its sub-function: behind the guard time, an answer
+    /// may be another request's. Of other functions nothing is known here.
     fn check(&self, answer: &[u8]) -> Result<(), AnswerError> {
         let frame = self.frame.borrow();
         let asked = frame.get(1..usize::from(self.len)).unwrap_or(&[]);
@@ -280,6 +280,8 @@ impl Request for Forwarded<'_> {
                 ..,
             ] => (5, 5),
             [MASK_WRITE_REGISTER, _, _, _, _, _, _] => (7, 7),
+            [WRITE_FILE_RECORD, ..] => (asked.len(), asked.len()),
+            [DIAGNOSTICS, _, _, ..] => (told.len(), 3),
             _ => return Ok(()),
         };
         if told.len() != len {

@@ -46,8 +46,11 @@ fn told_bits(code: u8, count: u16, is_on: impl Fn(u16) -> bool) -> Vec<u8> {
 
 const OUTPUTS: [u16; 6] = [0, 0xFFFF, 0x0001, 0x8000, 0xA53C, 0x1234];
 
-fn demo_unit() -> (DemoUnit<impl FnMut(u16)>, Rc<RefCell<Vec<u16>>>) {
-    let shown: Rc<RefCell<Vec<u16>>> = Rc::default();
+/// What was put on the pins.
+type Shown = Rc<RefCell<Vec<u16>>>;
+
+fn demo_unit() -> (DemoUnit<impl FnMut(u16)>, Shown) {
+    let shown = Shown::default();
     let pins = shown.clone();
     (
         DemoUnit::new(move |outputs| pins.borrow_mut().push(outputs)),

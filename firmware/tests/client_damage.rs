@@ -1,0 +1,200 @@
+//! Damage between a request that was given up, or timed out, and its late answer: the answer is nobody's all the same.
+
+mod desk;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use desk::{Desk, Heard, Registers, SENDS, TestLine};
+use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop_firmware::{Client, ClientConfig, ClientError};
+
+const TIMEOUT: u64 = 60;
+const GUARD: u64 = 30;
+const CONFIG: ClientConfig = ClientConfig::new()
+    .timeout_ms(TIMEOUT as u16)
+    .late_guard_ms(GUARD as u16);
+const DELAY: u64 = 4;
+/// The register that is answered late, and the one that is asked for behind it.
+const LATE: u16 = 7;
+const NEXT: u16 = 9;
+
+/// What a noisy bus has between a request and its answer: nothing of it is the answer.
+fn noise() -> Vec<Heard> {
+    vec![
+        Heard::Damaged(Flaws::CHECK),
+        Heard::Damaged(Flaws::GAP | Flaws::LENGTH),
+        Heard::Damaged(Flaws::OVERRUN),
+        // The answer, and a late character behind it.
+        Heard::Void(vec![17, 3, 2, 0xDE, 0xAD]),
+        Heard::Void(vec![17, 0x83, 2]),
+        // Somebody else's.
+        Heard::Frame(vec![18, 3, 2, 0xDE, 0xAD]),
+        Heard::Frame(vec![17, 4, 2, 0xDE, 0xAD]),
+        // Not yet.
+        Heard::Frame(vec![17, 0x83, 5]),
+        Heard::Talk(3),
+        Heard::Long(3, Box::new(Heard::Damaged(Flaws::CHECK))),
+    ]
+}
+
+async fn read<const N: usize>(
+    client: Client<TestLine, N>,
+    unit: u8,
+    address: u16,
+) -> Result<u16, ClientError> {
+    let mut cell = [0xEEEE];
+    let read = client.read_holding_registers(unit, address, &mut cell);
+    read.await.map(|()| cell[0])
+}
+
+/// A peer that answers by the book, [`LATE`] after `delay`.
+fn peer(delay: u64) -> impl FnMut(&[u8]) -> Vec<(u64, Heard)> {
+    let mut registers = Registers::default();
+    move |request| {
+        let is_late = request[..2] == [17, 3] && u16::from(request[3]) == LATE;
+        let answer = registers.answer(request).expect("no broadcast");
+        let delay = if is_late { delay } else { DELAY };
+        vec![(delay, Heard::Frame(answer))]
+    }
+}
+
+type Place = Rc<RefCell<Vec<Result<u16, ClientError>>>>;
+
+#[test]
+fn what_was_given_up_is_owed_through_any_noise() {
+    for heard in noise() {
+        // In time, behind it, and in the guard.
+        for delay in [20, TIMEOUT - 1, TIMEOUT + 1, TIMEOUT + GUARD - 1] {
+            for at in [1, 2, 7, 10, 16] {
+                // Given up while it is out; the noise comes when the next one waits already, or before that.
+                for given_up in [1, 8] {
+                    let mut desk = Desk::<2>::new(peer(delay));
+                    let client = desk.port.client(CONFIG);
+                    let first = desk.spawn(async move {
+                        let _ = read(client, 17, LATE).await;
+                    });
+                    desk.run(SENDS);
+                    desk.wire.comes(at, heard.clone());
+                    desk.run(given_up);
+                    desk.cancel(first);
+                    let results = Place::default();
+                    let place = results.clone();
+                    desk.spawn(async move {
+                        let result = read(client, 17, NEXT).await;
+                        place.borrow_mut().push(result);
+                    });
+                    desk.run(SENDS + TIMEOUT + GUARD + 2 * (SENDS + DELAY));
+                    assert_eq!(
+                        *results.borrow(),
+                        [Ok(0x1000 + NEXT)],
+                        "{heard:?} {at} ms behind, answered after {delay}, given up after {given_up}"
+                    );
+                    // It went out when the answer had come, and not before.
+                    let sent = desk.wire.sent.borrow();
+                    assert!(sent[1].0 > SENDS + delay, "{heard:?}, {at}, {delay}");
+                    assert_eq!(sent.len(), 2);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_timed_out_is_owed_through_any_noise() {
+    for heard in noise() {
+        for late in [3, 10, GUARD - 1] {
+            for at in 1..=late.min(8) {
+                let mut desk = Desk::<2>::new(peer(TIMEOUT + late));
+                let client = desk.port.client(CONFIG);
+                assert_eq!(
+                    desk.ask(read(client, 17, LATE)).0,
+                    Err(ClientError::Timeout)
+                );
+                desk.wire.comes(at, heard.clone());
+                let (next, _) = desk.ask(read(client, 17, NEXT));
+                assert_eq!(
+                    next,
+                    Ok(0x1000 + NEXT),
+                    "{heard:?} {at} ms behind the timeout, answered {late} ms late"
+                );
+                let sent = desk.wire.sent.borrow();
+                assert!(
+                    sent[1].0 > SENDS + TIMEOUT + late,
+                    "{heard:?}, {at}, {late}"
+                );
+            }
+        }
+    }
+}
+
+/// The noise is heard by a request to another unit, which takes neither it nor the answer behind it.
+#[test]
+fn another_unit_is_asked_between_the_noise_and_the_late_answer() {
+    for heard in noise() {
+        for late in [11, 16, GUARD - 1] {
+            let mut answers = peer(TIMEOUT + late);
+            let mut desk = Desk::<2>::new(move |request| {
+                let mut heard = answers(request);
+                if request[0] == 20 {
+                    // Between the late ones.
+                    heard[0].0 = 16;
+                }
+                heard
+            });
+            let client = desk.port.client(CONFIG);
+            assert_eq!(
+                desk.ask(read(client, 17, LATE)).0,
+                Err(ClientError::Timeout)
+            );
+            let results = Place::default();
+            for unit in [20, 17] {
+                let place = results.clone();
+                desk.spawn(async move {
+                    let result = read(client, unit, NEXT).await;
+                    place.borrow_mut().push(result);
+                });
+            }
+            desk.wire.comes(SENDS + 1, heard.clone());
+            desk.run(GUARD + 16 + 4 * (SENDS + DELAY));
+            let expected = [Ok(0x4000 + NEXT), Ok(0x1000 + NEXT)];
+            assert_eq!(*results.borrow(), expected, "{heard:?}, {late}");
+        }
+    }
+}
+
+/// What was given up before its last character was out is no request; noise then is nobody's answer.
+#[test]
+fn noise_behind_a_request_that_was_cut_off_holds_nobody_up() {
+    for heard in noise() {
+        let mut desk = Desk::<1>::new(peer(DELAY));
+        let client = desk.port.client(CONFIG);
+        let first = desk.spawn(async move {
+            let _ = read(client, 17, LATE).await;
+        });
+        desk.run(2);
+        desk.cancel(first);
+        desk.wire.comes(1, heard.clone());
+        desk.run(TIMEOUT + GUARD);
+        let next = desk.ask(read(client, 17, NEXT));
+        assert_eq!(next, (Ok(0x1000 + NEXT), SENDS + DELAY + 1), "{heard:?}");
+    }
+}
+
+/// Each of it is heard and the wait goes on; the answer behind it is the answer, and nothing of it is kept for the next.
+#[test]
+fn noise_before_an_answer_does_not_outlive_it() {
+    for heard in noise() {
+        let mut answers = peer(20);
+        let mut desk = Desk::<1>::new(move |request| match request[0] {
+            19 => vec![],
+            _ => answers(request),
+        });
+        let client = desk.port.client(CONFIG);
+        desk.wire.comes(SENDS + 5, heard.clone());
+        let (first, _) = desk.ask(read(client, 17, LATE));
+        assert_eq!(first, Ok(0x1000 + LATE), "{heard:?}");
+        let (second, _) = desk.ask(read(client, 19, NEXT));
+        assert_eq!(second, Err(ClientError::Timeout), "{heard:?}");
+    }
+}

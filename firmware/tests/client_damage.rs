@@ -163,6 +163,37 @@ fn another_unit_is_asked_between_the_noise_and_the_late_answer() {
     }
 }
 
+/// One that timed out owes an answer, and one behind it is given up: the answer to the first does not end the wait for the second.
+#[test]
+fn another_units_late_answer_does_not_let_anybody_on_the_bus() {
+    let given_up = SENDS + 2;
+    // Of the second request's timeout, whose answer does not come.
+    for comes in [3, 10, TIMEOUT - 5] {
+        let mut answers = peer(TIMEOUT + SENDS + comes);
+        let mut desk = Desk::<2>::new(move |request| match request[0] {
+            20 => vec![],
+            _ => answers(request),
+        });
+        let client = desk.port.client(CONFIG.late_guard_ms(10 * TIMEOUT as u16));
+        assert_eq!(
+            desk.ask(read(client, 17, LATE)).0,
+            Err(ClientError::Timeout)
+        );
+        let second = desk.spawn(async move {
+            let _ = read(client, 20, NEXT).await;
+        });
+        desk.run(given_up);
+        desk.cancel(second);
+        let third = desk.ask(read(client, 18, NEXT));
+        let waits = SENDS + TIMEOUT - given_up;
+        assert_eq!(
+            third,
+            (Ok(0x2000 + NEXT), waits + SENDS + DELAY + 1),
+            "{comes}"
+        );
+    }
+}
+
 /// What was given up before its last character was out is no request; noise then is nobody's answer.
 #[test]
 fn noise_behind_a_request_that_was_cut_off_holds_nobody_up() {

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use multidrop_protocol::Adu;
+use multidrop_protocol::data::{Registers, RegistersOut};
 use multidrop_protocol::port_registers::{PortRegisters, Register, Settings};
 use multidrop_protocol::registers::{Items, NoRules, ScanList, SparseBank, SparseCoilBank};
 use multidrop_protocol::server::Server;
@@ -270,6 +271,19 @@ fn a_block_does_not_go_round() {
     write.extend([1, 3]);
     assert_eq!(pair.ask(&write), [0x8F, 2]);
     pair.is_as_it_is_to_be();
+    // Nor where no server has looked at it before.
+    let mut bank = SparseBank::new([0, 1, 65_534, 65_535]);
+    let mut bytes = [0xEE; 4];
+    for first in [65_535, 65_534] {
+        let is_there = first == 65_534;
+        assert_eq!(bank.check(first, Registers::new(&bytes)).is_ok(), is_there);
+        assert_eq!(
+            bank.read(first, RegistersOut::new(&mut bytes)).is_ok(),
+            is_there
+        );
+    }
+    assert!(bank.write(65_535, Registers::new(&[1; 4])).is_err());
+    assert_eq!(bank.cells(), &[0; 4]);
 }
 
 /// The list of a master that is loaded to be a slave: its addresses are in any order, and some are there twice.

@@ -2,6 +2,7 @@
 //!
 //! Requests and answers are bytes of the standard, put together here and not by our own codec.
 
+#[allow(dead_code, reason = "each test binary uses a part")]
 mod bench;
 
 use bench::{Bench, Event, Heard, SENDS, TestLine, Wire};

@@ -10,6 +10,7 @@ use multidrop_firmware::demo_unit::DemoUnit;
 use multidrop_firmware::faults::{Asked, Failure, Faults, keep, use_up_stack};
 use multidrop_firmware::line::{Frame, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::Adu;
+use multidrop_firmware::protocol::port_registers::Duplex;
 use multidrop_firmware::protocol::rtu::Flaws;
 use multidrop_firmware::protocol::server::{Counted, DataModel, Server};
 use multidrop_firmware::yardstick::Yardstick;
@@ -327,6 +328,20 @@ fn a_buffer_that_is_kept_is_kept_until_the_task_ends() {
         }
     }
     assert!(!is_lent.get());
+}
+
+#[test]
+fn a_line_that_does_not_say_otherwise_is_one_pair_and_cuts_nothing_off() {
+    let line = Buffer {
+        is_lent: Box::leak(Box::default()),
+        may_be_lent: Box::leak(Box::default()),
+    };
+    assert!(line.may_be(Duplex::Half));
+    assert!(!line.may_be(Duplex::Full));
+    assert!(!line.was_cut());
+    line.show(Ok(&[1, 2, 3]));
+    line.show(Err(Flaws::CHECK));
+    const { assert!(!Buffer::HAS_NEIGHBOURS) };
 }
 
 #[test]

@@ -181,6 +181,38 @@ fn counts_stay_at_their_end() {
     scan.look(0, |cells| assert_eq!(cells, [0]));
 }
 
+/// A list whose task is dropped while it waits for the line leaves its place to others.
+#[test]
+fn a_list_that_is_given_up_does_not_wait_any_more() {
+    let scan = Scan::<1, 1>::new([Entry::holding_registers(17, 7, 1)]);
+    let scan = &scan;
+    let mut desk = Desk::<1>::new(|request| {
+        let answer = vec![request[0], 3, 2, 0, request[0]];
+        vec![(DELAY, Heard::Frame(answer))]
+    });
+    let client = desk.port.client(CONFIG);
+    let read = move |unit| async move {
+        let mut cell = [0];
+        let read = client.read_holding_registers(unit, 0, &mut cell).await;
+        read.map(|()| cell[0])
+    };
+    let first = desk.spawn(async move {
+        assert_eq!(read(20).await, Ok(20));
+    });
+    desk.poll();
+    // Its task waits behind that, in the only place.
+    let scans = desk.spawn(async move { scan.run(client).await });
+    desk.run(2);
+    desk.cancel(scans);
+    assert_eq!(desk.ask(read(21)).0, Ok(21));
+    assert!(desk.is_over(first) && !client.is_busy());
+    assert_eq!(counts(scan.health(0)), [0; 4]);
+    // And it may be run again.
+    desk.spawn(async move { scan.run(client).await });
+    desk.run(2 * EXCHANGE);
+    assert_eq!(counts(scan.health(0)), [1, 0, 0, 0]);
+}
+
 /// What would stop the build; `None` if nothing does.
 fn refused<R>(build: impl FnOnce() -> R) -> Option<String> {
     let panic = catch_unwind(AssertUnwindSafe(|| drop(build()))).err()?;

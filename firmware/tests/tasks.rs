@@ -12,7 +12,7 @@ use multidrop_firmware::protocol::data::{Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::registers::Bank;
 use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::protocol::server::{ApplicationFunction, DataModel};
+use multidrop_firmware::protocol::server::{ApplicationFunction, Counted, DataModel};
 use multidrop_firmware::{Port, PortConfig, Shared};
 
 #[derive(Default)]
@@ -25,6 +25,8 @@ struct Wire {
     whole: Cell<bool>,
     /// So many times somebody else begins to talk first.
     overtaken: Cell<usize>,
+    /// The line says that what did not go out was cut off.
+    cut: Cell<bool>,
     /// What went on the wire, and only once the frame stood.
     sent: RefCell<Vec<Vec<u8>>>,
     lent_adu: Cell<*mut Adu>,
@@ -74,7 +76,12 @@ impl Line for TestLine {
 
     fn set_delimiter(&self, _: u8) {}
 
+    fn was_cut(&self) -> bool {
+        self.0.cut.get()
+    }
+
     fn release(&self, len: u8) {
+        assert!((2..=254).contains(&len), "length {len}");
         self.0.released.set(len);
         self.0.go();
     }
@@ -282,6 +289,61 @@ fn other_units_frames_and_damaged_ones_are_given_back_unanswered() {
     bench.complete(&[0x11, 0x03, 0x00, 0x01, 0x00, 0x01]);
     bench.settle(true);
     assert_eq!(bench.sent().len(), 1);
+}
+
+/// Not first when the task that serves comes to it: what answers them may come meanwhile.
+#[test]
+fn other_units_frames_are_not_handed_on() {
+    let mut bench = Bench::new();
+    let mut context = Context::from_waker(Waker::noop());
+    for (unit, is_ours) in [
+        (16, false),
+        (18, false),
+        (255, false),
+        (17, true),
+        (0, true),
+    ] {
+        *bench.wire.heard.borrow_mut() = Some(Ok(vec![unit, 0x03, 0x00, 0x01, 0x00, 0x01]));
+        let receive = &mut bench.tasks[0];
+        assert!(receive.as_mut().poll(&mut context).is_pending());
+        assert_eq!(bench.wire.lent.get(), is_ours, "unit {unit}");
+        bench.run();
+        bench.settle(true);
+        assert!(!bench.wire.lent.get());
+    }
+}
+
+/// Of two answers that did not go out the one is missing that was cut off, and not one that somebody else has overtaken.
+#[test]
+fn an_answer_that_was_cut_off_is_one_that_is_missing() {
+    const PORT: PortConfig = PortConfig::new("TEST").slave_id(17);
+    let wire: &'static Wire = Box::leak(Box::default());
+    let port: &'static Port<TestLine, Counted<8>> =
+        Box::leak(Box::new(Port::counted(TestLine(wire), &PORT)));
+    let model: &'static Shared<Model> =
+        Box::leak(Box::new(Shared::new(Model { bank: Bank::new(0) })));
+    let mut bench = Bench {
+        wire,
+        model,
+        tasks: vec![
+            Box::pin(async move { multidrop_firmware::receive(port).await }),
+            Box::pin(async move { multidrop_firmware::serve(port, model).await }),
+        ],
+    };
+    let read = [0x11, 0x03, 0x00, 0x01, 0x00, 0x01];
+    for (overtaken, cut, sent) in [(1, false, 0), (1, true, 0), (0, true, 1), (0, false, 1)] {
+        wire.overtaken.set(overtaken);
+        wire.cut.set(cut);
+        bench.complete(&read);
+        bench.settle(true);
+        assert_eq!(bench.sent().len(), sent);
+    }
+    // Server messages, and those that were not answered; the one that asks is among the first.
+    for (sub, count) in [(0x0E, 5), (0x0F, 1)] {
+        bench.complete(&[0x11, 0x08, 0x00, sub, 0x00, 0x00]);
+        bench.settle(true);
+        assert_eq!(bench.sent(), [[0x11, 0x08, 0x00, sub, 0x00, count]]);
+    }
 }
 
 #[test]

@@ -274,6 +274,24 @@ struct Task<'a> {
     flag: Arc<Flag>,
 }
 
+impl Task<'_> {
+    /// Polls it if it is awake; whether it was.
+    fn poll(&mut self) -> bool {
+        let Some(future) = &mut self.future else {
+            return false;
+        };
+        if !self.flag.0.swap(false, Ordering::Relaxed) {
+            return false;
+        }
+        let waker = Waker::from(self.flag.clone());
+        let mut context = Context::from_waker(&waker);
+        if future.as_mut().poll(&mut context).is_ready() {
+            self.future = None;
+        }
+        true
+    }
+}
+
 /// The tasks of a test, and its time.
 pub struct Bench<'a> {
     wires: Vec<&'static Wire>,
@@ -322,19 +340,23 @@ impl<'a> Bench<'a> {
     /// Polls what is awake until all sleep.
     pub fn poll(&mut self) {
         let mut polls = 0;
-        while let Some(task) = self
-            .tasks
-            .iter_mut()
-            .find(|task| task.future.is_some() && task.flag.0.swap(false, Ordering::Relaxed))
-        {
+        while self.tasks.iter_mut().any(Task::poll) {
             polls += 1;
             assert!(polls < 10_000, "never sleeps");
-            let waker = Waker::from(task.flag.clone());
-            let mut context = Context::from_waker(&waker);
-            if let Some(future) = &mut task.future
-                && future.as_mut().poll(&mut context).is_ready()
-            {
-                task.future = None;
+        }
+    }
+
+    /// Lets so many ms pass, in each of which every task that is awake is polled some times, whether it ever sleeps or not.
+    pub fn run_restless(&mut self, ms: u64) {
+        for _ in 0..ms {
+            for wire in &self.wires {
+                wire.tick();
+            }
+            MockDriver::get().advance(Duration::from_millis(1));
+            for _ in 0..10 {
+                for task in &mut self.tasks {
+                    task.poll();
+                }
             }
         }
     }

@@ -254,8 +254,13 @@ impl Line for TestLine {
     }
 
     fn give_back(&self) {
-        assert!(self.0.lent.take().is_some(), "given back twice");
-        assert!(self.0.sending.take().is_none(), "cut off");
+        let was_lent = self.0.lent.take().is_some();
+        let is_cut = self.0.sending.take().is_some();
+        // A test that fails elsewhere drops what is under way.
+        if !std::thread::panicking() {
+            assert!(was_lent, "given back twice");
+            assert!(!is_cut, "cut off");
+        }
         self.0.released.set(0);
         wake(&self.0.user);
     }

@@ -46,6 +46,10 @@ pub struct Wire {
     settles: Cell<Option<u64>>,
     sending: RefCell<Option<(u64, Vec<u8>)>>,
     released: Cell<u8>,
+    /// The next frame that is released does not go out, and whether the line says that it was cut off.
+    pub loses: Cell<Option<bool>>,
+    lost: Cell<bool>,
+    was_cut: Cell<bool>,
     /// Ms that it takes to set the line up.
     pub configures: Cell<u64>,
     /// Who looks at the line.
@@ -56,8 +60,8 @@ pub struct Wire {
     user: RefCell<Vec<Waker>>,
 }
 
-/// Its wire is leaked: it lives as long as the test.
-pub struct TestLine(pub &'static Wire);
+/// Its wire is leaked: it lives as long as the test. The board may have other lines beside it, or not.
+pub struct TestLine<const HAS_NEIGHBOURS: bool = true>(pub &'static Wire);
 
 fn wake(place: &RefCell<Vec<Waker>>) {
     for waker in place.take() {
@@ -77,6 +81,9 @@ impl Wire {
             settles: Cell::new(None),
             sending: RefCell::default(),
             released: Cell::new(0),
+            loses: Cell::new(None),
+            lost: Cell::new(false),
+            was_cut: Cell::new(false),
             configures: Cell::new(0),
             ear: Cell::new(None),
             log: RefCell::default(),
@@ -152,8 +159,8 @@ impl Wire {
     }
 }
 
-impl Line for TestLine {
-    const HAS_NEIGHBOURS: bool = true;
+impl<const HAS_NEIGHBOURS: bool> Line for TestLine<HAS_NEIGHBOURS> {
+    const HAS_NEIGHBOURS: bool = HAS_NEIGHBOURS;
 
     fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
         poll_fn(|context| {
@@ -230,10 +237,19 @@ impl Line for TestLine {
 
     fn release(&self, len: u8) {
         assert!((1..=254).contains(&len), "length {len}");
+        if let Some(was_cut) = self.0.loses.take() {
+            self.0.lost.set(true);
+            self.0.was_cut.set(was_cut);
+            return;
+        }
         self.0.released.set(len);
         if self.0.verdict.get() == Some(true) {
             self.0.start();
         }
+    }
+
+    fn was_cut(&self) -> bool {
+        self.0.was_cut.get()
     }
 
     fn settle(&self) -> impl Future<Output = bool> {
@@ -245,6 +261,9 @@ impl Line for TestLine {
 
     fn sent(&self) -> impl Future<Output = bool> {
         poll_fn(|context| {
+            if self.0.lost.take() {
+                return Poll::Ready(false);
+            }
             self.0.user.borrow_mut().push(context.waker().clone());
             match self.0.released.get() > 0 || self.0.sending.borrow().is_some() {
                 true => Poll::Pending,

@@ -1,0 +1,180 @@
+//! What is said of each way in which a request can end but well, and who could do something about it.
+
+use multidrop_firmware::client::{Blame, ClientError};
+use multidrop_firmware::managed::Failure;
+use multidrop_firmware::protocol::client::{AnswerError, Failure as Ended, RequestError};
+use multidrop_firmware::protocol::exception::Exception;
+use multidrop_firmware::protocol::port_registers::Status;
+use multidrop_firmware::protocol::rtu::Flaws;
+
+/// Each error, what it says, whose it is, and STATUS and ERROR of a port where it ends a transaction.
+const ERRORS: &[(ClientError, &str, Blame, Status, u8)] = &[
+    (
+        ClientError::QueueFull,
+        "not sent: more tasks ask than the port is for",
+        Blame::Caller,
+        Status::InvalidRequest,
+        0,
+    ),
+    (
+        ClientError::NotMaster,
+        "not sent: the port is not master",
+        Blame::Caller,
+        Status::InvalidRequest,
+        0,
+    ),
+    (
+        ClientError::NoSilence,
+        "not sent: the line was not silent",
+        Blame::Wire,
+        Status::Timeout,
+        0,
+    ),
+    (
+        ClientError::CutOff,
+        "not sent to its end: no CTS, or no end of it",
+        Blame::Wire,
+        Status::Timeout,
+        0,
+    ),
+    (
+        ClientError::Exception(Exception::IllegalDataAddress),
+        "exception 02: IllegalDataAddress",
+        Blame::Peer,
+        Status::Idle,
+        2,
+    ),
+    (
+        ClientError::Exception(Exception::GatewayTargetFailedToRespond),
+        "exception 0B: GatewayTargetFailedToRespond",
+        Blame::Peer,
+        Status::Idle,
+        0x0B,
+    ),
+    (
+        ClientError::UnknownException(0x7F),
+        "exception 7F",
+        Blame::Peer,
+        Status::Idle,
+        0x7F,
+    ),
+    // No exception has this code, and ERROR would say that there was none.
+    (
+        ClientError::UnknownException(0),
+        "exception 00",
+        Blame::Peer,
+        Status::WrongFunction,
+        0,
+    ),
+    (
+        ClientError::Timeout,
+        "no answer",
+        Blame::Wire,
+        Status::Timeout,
+        0,
+    ),
+    (
+        ClientError::WrongUnit(18),
+        "no answer but from unit 18",
+        Blame::Peer,
+        Status::WrongSlave,
+        0,
+    ),
+    (
+        ClientError::WrongFunction(0x0F),
+        "no answer but with function 0F",
+        Blame::Peer,
+        Status::WrongFunction,
+        0,
+    ),
+    (
+        ClientError::WrongLength(7),
+        "no answer but of 7 bytes",
+        Blame::Peer,
+        Status::Timeout,
+        0,
+    ),
+    (
+        ClientError::WrongContent,
+        "no answer but to another request",
+        Blame::Peer,
+        Status::Timeout,
+        0,
+    ),
+];
+
+#[test]
+fn each_error_has_its_words_its_blame_and_its_status() {
+    let said = |cause: ClientError, says: &str, blame, status, error| {
+        assert_eq!(cause.to_string(), says);
+        assert_eq!(cause.blame(), blame, "{says}");
+        let failure = Failure {
+            unit: 17,
+            address: 1000,
+            cause,
+        };
+        assert_eq!(
+            failure.to_string(),
+            format!("slave 17, address 1000: {says}")
+        );
+        assert_eq!((failure.status(), failure.error()), (status, error));
+    };
+    for (cause, says, blame, status, error) in ERRORS {
+        said(*cause, says, *blame, *status, *error);
+    }
+    let flaws = Flaws::GAP | Flaws::CHECK;
+    said(
+        ClientError::Damaged(flaws),
+        &format!("no answer but damaged ({flaws:?})"),
+        Blame::Wire,
+        Status::WrongCrc,
+        0,
+    );
+    let request = RequestError::Unit { unit: 248 };
+    said(
+        ClientError::Request(request),
+        &format!("not sent: {request}"),
+        Blame::Caller,
+        Status::InvalidRequest,
+        0,
+    );
+}
+
+#[test]
+fn what_ends_a_wait_is_told_as_it_is() {
+    for (ended, error) in [
+        (Ended::Timeout, ClientError::Timeout),
+        (
+            Ended::Damaged(Flaws::PARITY),
+            ClientError::Damaged(Flaws::PARITY),
+        ),
+        (
+            Ended::Answer(AnswerError::Unit(18)),
+            ClientError::WrongUnit(18),
+        ),
+        (
+            Ended::Answer(AnswerError::Function(4)),
+            ClientError::WrongFunction(4),
+        ),
+        (
+            Ended::Answer(AnswerError::Length(9)),
+            ClientError::WrongLength(9),
+        ),
+        (
+            Ended::Answer(AnswerError::Content),
+            ClientError::WrongContent,
+        ),
+        (
+            Ended::Answer(AnswerError::Exception(Exception::Acknowledge)),
+            ClientError::Exception(Exception::Acknowledge),
+        ),
+        (
+            Ended::Answer(AnswerError::UnknownException(9)),
+            ClientError::UnknownException(9),
+        ),
+    ] {
+        assert_eq!(ClientError::from(ended), error);
+    }
+    let request = RequestError::File { file: 0 };
+    assert_eq!(ClientError::from(request), ClientError::Request(request));
+}

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{UNIT, ask_server};
-use multidrop_protocol::data::{BytesOut, RegistersOut};
+use multidrop_protocol::data::{BytesOut, Coils, CoilsOut, Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::rtu::Flaws;
 use multidrop_protocol::server::{
@@ -163,26 +163,13 @@ fn what_a_model_lets_through_and_does_not_write_has_failed() {
     struct Checks;
     impl DataModel for Checks {
         const FUNCTIONS: FunctionSet = FunctionSet::ALL;
-        fn check_coils(
-            &self,
-            _: u16,
-            _: multidrop_protocol::data::Coils<'_>,
-        ) -> Result<(), Exception> {
+        fn check_coils(&self, _: u16, _: Coils<'_>) -> Result<(), Exception> {
             Ok(())
         }
-        fn check_registers(
-            &self,
-            _: u16,
-            _: multidrop_protocol::data::Registers<'_>,
-        ) -> Result<(), Exception> {
+        fn check_registers(&self, _: u16, _: Registers<'_>) -> Result<(), Exception> {
             Ok(())
         }
-        fn check_file_records(
-            &self,
-            _: u16,
-            _: u16,
-            _: multidrop_protocol::data::Registers<'_>,
-        ) -> Result<(), Exception> {
+        fn check_file_records(&self, _: u16, _: u16, _: Registers<'_>) -> Result<(), Exception> {
             Ok(())
         }
     }
@@ -215,18 +202,10 @@ fn the_read_part_of_a_read_and_write_is_looked_at_whole() {
                 false => Err(Exception::IllegalDataAddress),
             }
         }
-        fn check_registers(
-            &self,
-            _: u16,
-            _: multidrop_protocol::data::Registers<'_>,
-        ) -> Result<(), Exception> {
+        fn check_registers(&self, _: u16, _: Registers<'_>) -> Result<(), Exception> {
             Ok(())
         }
-        fn write_registers(
-            &mut self,
-            _: u16,
-            _: multidrop_protocol::data::Registers<'_>,
-        ) -> Result<(), Exception> {
+        fn write_registers(&mut self, _: u16, _: Registers<'_>) -> Result<(), Exception> {
             Ok(())
         }
     }
@@ -397,6 +376,70 @@ fn a_server_that_does_not_count_has_no_diagnostics() {
     server.damaged(Flaws::OVERRUN);
     server.cut_off();
     assert_eq!(server.delimiter(), 0x0A);
+}
+
+#[test]
+fn no_read_is_answered_when_it_is_broadcast() {
+    /// Has everything that can be read.
+    #[derive(Clone, PartialEq)]
+    struct All;
+    impl DataModel for All {
+        const FUNCTIONS: FunctionSet = FunctionSet::ALL;
+        fn coils(&mut self, _: u16, _: CoilsOut<'_>) -> Result<(), Exception> {
+            Ok(())
+        }
+        fn discrete_inputs(&mut self, _: u16, _: CoilsOut<'_>) -> Result<(), Exception> {
+            Ok(())
+        }
+        fn holding_registers(&mut self, _: u16, _: RegistersOut<'_>) -> Result<(), Exception> {
+            Ok(())
+        }
+        fn input_registers(&mut self, _: u16, _: RegistersOut<'_>) -> Result<(), Exception> {
+            Ok(())
+        }
+        fn file_records(&mut self, _: u16, _: u16, _: RegistersOut<'_>) -> Result<(), Exception> {
+            Ok(())
+        }
+        fn fifo_queue(&mut self, _: u16, _: RegistersOut<'_>) -> Result<u16, Exception> {
+            Ok(1)
+        }
+        fn device_object(&mut self, id: u8, out: &mut BytesOut<'_>) -> bool {
+            out.extend(b"text");
+            id < 3
+        }
+    }
+    for request in [
+        vec![1, 0, 0, 0, 1],
+        vec![2, 0, 0, 0, 1],
+        vec![3, 0, 0, 0, 1],
+        vec![4, 0, 0, 0, 1],
+        vec![7],
+        vec![0x11],
+        vec![0x14, 7, 6, 0, 1, 0, 0, 0, 1],
+        vec![0x18, 0, 0],
+        vec![0x2B, 0x0E, 4, 0],
+    ] {
+        assert_eq!(pdu(&mut All, &request)[0], request[0], "it is there");
+        assert_eq!(broadcast(&mut All, &request), None, "{request:02X?}");
+    }
+}
+
+#[test]
+fn only_an_exception_counts_as_one() {
+    // The answer to FC 07 is as long as an exception, and its byte may be the code of one.
+    let server = Server::<Counted<8>>::counted(UNIT);
+    let mut model = Machine::new();
+    let exceptions = |model: &mut Machine| {
+        ask_server(&server, model, &[UNIT, 8, 0, 0x0D, 0, 0]).expect("an answer")[5]
+    };
+    for status in [1, 2, 7] {
+        model.status = status;
+        let answer = ask_server(&server, &mut model, &[UNIT, 7]);
+        assert_eq!(answer, Some(vec![UNIT, 7, status]));
+        assert_eq!(exceptions(&mut model), 0);
+    }
+    assert!(ask_server(&server, &mut model, &[UNIT, 3, 0, 0, 0, 1]).is_some());
+    assert_eq!(exceptions(&mut model), 1);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::port_registers::{
     Change, InterCharacter, LineSettings, PortRegisters, Reason, Register, Settings,
 };
-use multidrop_protocol::registers::{Bank, CoilBank, NoRules, ScanList, SparseBank};
+use multidrop_protocol::registers::{Bank, CoilBank, NoCoils, NoRules, ScanList, SparseBank};
 use multidrop_protocol::rules;
 use multidrop_protocol::server::Server;
 
@@ -236,6 +236,68 @@ fn seven_bits_are_for_ascii() {
     load(port, "FORMAT", 0);
     load(port, "FRAMING", 0);
     assert_eq!(port.settings().line.format, LineFormat::F8N1);
+}
+
+#[test]
+fn each_number_of_a_setting_is_one_thing() {
+    let port = &mut plain();
+    load(port, "MODE", 2);
+    load(port, "FRAMING", 1);
+    for (number, format) in (0..).zip(LineFormat::ALL) {
+        load(port, "FORMAT", number);
+        assert_eq!(port.settings().line.format, format);
+        assert_eq!(port.read(Register::Format), Ok(number));
+    }
+    load(port, "FORMAT", 0);
+    for (number, framing) in (0..).zip([Framing::Rtu, Framing::Ascii, Framing::Text]) {
+        load(port, "FRAMING", number);
+        assert_eq!(port.settings().line.framing, framing);
+        assert_eq!(port.read(Register::Framing), Ok(number));
+    }
+    for (number, rule) in [
+        (0, InterCharacter::Strict),
+        (1, InterCharacter::Off),
+        (2, InterCharacter::Gap(2)),
+        (50, InterCharacter::Gap(50)),
+    ] {
+        load(port, "INTER_CHARACTER", number);
+        assert_eq!(port.settings().line.inter_character, rule);
+        assert_eq!(port.read(Register::InterCharacter), Ok(number));
+    }
+    for name in ["TURNAROUND", "LATE_GUARD", "REQUEST_GAP"] {
+        for value in [0, 1, 65_535] {
+            load(port, name, value);
+            assert_eq!(port.read(Register::from_name(name).unwrap()), Ok(value));
+        }
+        refused(port, name, 65_536);
+    }
+}
+
+#[test]
+fn a_port_without_coils_has_no_function_for_them() {
+    let mut port: PortRegisters<Bank<10>, NoCoils, NoRules> =
+        PortRegisters::new(Settings::DEFAULT, Bank::new(0), NoCoils);
+    for function in 0..=255 {
+        let loaded = port.load(Register::Func, function);
+        match function {
+            3 | 4 | 6 | 16 | 23 => assert!(loaded.is_ok(), "{function}"),
+            1 | 2 | 5 | 15 => assert_eq!(loaded.unwrap_err().reason, Reason::NoCoils),
+            _ => assert_eq!(loaded.unwrap_err().reason, Reason::Choice),
+        }
+    }
+    let coil = port.load(Register::Coils(0), 1).unwrap_err();
+    assert_eq!(coil.to_string(), "COILS.0 does not exist, there is none");
+    let port = &mut plain();
+    for function in [1, 2, 3, 4, 5, 6, 15, 16, 23] {
+        load(port, "FUNC", function);
+    }
+    port.regs_mut().cells_mut()[3] = 77;
+    port.coils_mut().bytes_mut()[0] = 0b100;
+    assert_eq!(port.read(Register::Regs(3)), Ok(77));
+    assert_eq!(
+        (port.regs().get(3), port.coils().get(2)),
+        (Some(77), Some(true))
+    );
 }
 
 #[test]

@@ -111,12 +111,6 @@ impl Debts {
         if left > self.longest { 0 } else { left }
     }
 
-    /// One more answer is owed, for `ticks` from `now`. To be called only if a request of this kind need not
-    /// [wait](Debts::wait).
-    pub fn owe(&mut self, unit: u8, function: u8, ticks: u32, now: u32) {
-        self.note(unit, function, 1, now.wrapping_add(ticks), now);
-    }
-
     /// So many answers more are owed, and all of this kind until then.
     #[inline(never)]
     pub(super) fn note(&mut self, unit: u8, function: u8, more: u8, until: u32, now: u32) {

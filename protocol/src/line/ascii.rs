@@ -178,3 +178,24 @@ impl LineMachine {
         wire.alarm(rest);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_delimiter_has_as_many_bits_as_a_character() {
+        for (data_bits, delimiter) in [(7, 0x23), (8, 0xA3)] {
+            let mut ascii = Ascii::default();
+            assert!(ascii.flaws().is_empty());
+            ascii.set_data_bits(data_bits);
+            ascii.set_delimiter(0xA3);
+            assert_eq!(ascii.prepare(2), b':');
+            for character in *b"42427C\r" {
+                assert_eq!(ascii.transmission.next(0x42), Some(character));
+            }
+            assert_eq!(ascii.transmission.next(0), Some(delimiter));
+            assert_eq!(ascii.transmission.next(0), None);
+        }
+    }
+}

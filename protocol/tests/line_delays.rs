@@ -1,0 +1,491 @@
+//! What only some drivers have: a delay before an answer, DE up before its first character, a bound on the time for which the
+//! line sends, and text. And what a line tells who waits for silence.
+
+use multidrop_protocol::Adu;
+use multidrop_protocol::line::{Interval, LineMachine, Wire};
+use multidrop_protocol::rtu::{Flaws, Heard, Reception};
+
+/// What the machine has had a driver do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Did {
+    Alarm(Interval),
+    On,
+    Off,
+    Talk(u8),
+    Bound(u8),
+    Put(u8, bool),
+    End,
+    Listen,
+    Cut,
+    BeginDelay,
+    EndDelay,
+    Lead,
+    Receiver,
+    User,
+}
+
+/// A driver that does nothing but note what it is told.
+struct Driver {
+    adu: Adu,
+    reception: Reception,
+    incoming: u8,
+    did: Vec<Did>,
+    start_bit: bool,
+    is_text: bool,
+    /// How often the delay is looked at before it is over.
+    delays: u8,
+    leads: bool,
+    bound_is_over: bool,
+    /// Bytes that the transmitter takes at once.
+    room: usize,
+    /// The line waits at once for the moment in which a frame stands: gaps are allowed.
+    stands_at_once: bool,
+}
+
+impl Wire for Driver {
+    const IS_BOUNDED: bool = true;
+    const HAS_DELAYS: bool = true;
+
+    fn is_text(&self) -> bool {
+        self.is_text
+    }
+    fn take(&mut self) -> u8 {
+        self.incoming
+    }
+    fn start_bit_seen(&mut self) -> bool {
+        self.start_bit
+    }
+    fn clear_start_bit(&mut self) {
+        self.start_bit = false;
+    }
+    fn alarm(&mut self, interval: Interval) -> bool {
+        self.did.push(Did::Alarm(interval));
+        !(self.stands_at_once && interval == Interval::ToStand)
+    }
+    fn alarm_on(&mut self) {
+        self.did.push(Did::On);
+    }
+    fn alarm_off(&mut self) {
+        self.did.push(Did::Off);
+    }
+    fn restart(&mut self) {
+        self.reception = Reception::new();
+    }
+    fn finish(&mut self) -> Heard {
+        self.reception.finish()
+    }
+    fn adu(&self) -> &Adu {
+        &self.adu
+    }
+    fn talk(&mut self, first: u8) {
+        self.did.push(Did::Talk(first));
+    }
+    fn bound(&mut self, len: u8) {
+        self.did.push(Did::Bound(len));
+    }
+    fn is_bound_over(&mut self) -> bool {
+        self.bound_is_over
+    }
+    fn begin_delay(&mut self) {
+        self.did.push(Did::BeginDelay);
+    }
+    fn end_delay(&mut self) {
+        self.did.push(Did::EndDelay);
+        self.delays = 0;
+    }
+    fn is_delay_over(&mut self) -> bool {
+        let is_over = self.delays == 0;
+        self.delays = self.delays.saturating_sub(1);
+        is_over
+    }
+    fn lead(&mut self) -> bool {
+        if self.leads {
+            self.did.push(Did::Lead);
+        }
+        self.leads
+    }
+    fn is_ready(&mut self) -> bool {
+        self.room > 0
+    }
+    fn put(&mut self, byte: u8, last: bool) {
+        self.room -= 1;
+        self.did.push(Did::Put(byte, last));
+    }
+    fn end(&mut self) {
+        self.did.push(Did::End);
+    }
+    fn listen(&mut self) {
+        self.did.push(Did::Listen);
+    }
+    fn cut(&mut self) {
+        self.did.push(Did::Cut);
+    }
+    fn wake_receiver(&mut self) {
+        self.did.push(Did::Receiver);
+    }
+    fn wake_user(&mut self) {
+        self.did.push(Did::User);
+    }
+}
+
+struct Line {
+    machine: LineMachine,
+    driver: Driver,
+}
+
+/// As short as a request can be, with its CRC.
+const REQUEST: [u8; 4] = [0x11, 0x07, 0x4C, 0x22];
+
+impl Line {
+    /// A line in silence.
+    fn new() -> Line {
+        let mut line = Line {
+            machine: LineMachine::default(),
+            driver: Driver {
+                adu: [0; 256],
+                reception: Reception::new(),
+                incoming: 0,
+                did: Vec::new(),
+                start_bit: false,
+                is_text: false,
+                delays: 0,
+                leads: false,
+                bound_is_over: false,
+                room: 0,
+                stands_at_once: false,
+            },
+        };
+        line.machine.reset(&mut line.driver);
+        line.alarm();
+        line.alarm();
+        line.did();
+        line
+    }
+
+    fn did(&mut self) -> Vec<Did> {
+        std::mem::take(&mut self.driver.did)
+    }
+
+    fn alarm(&mut self) -> Vec<Did> {
+        self.machine.on_alarm(&mut self.driver);
+        self.did()
+    }
+
+    fn hear(&mut self, byte: u8, flaws: Flaws) {
+        self.driver.incoming = byte;
+        let mut stored = self.machine.on_character(&mut self.driver, flaws, false);
+        while let Some(byte) = stored.take() {
+            let Driver { reception, adu, .. } = &mut self.driver;
+            reception.push(adu, byte);
+            if byte != self.driver.incoming {
+                stored = self.machine.on_character(&mut self.driver, flaws, false);
+            }
+        }
+    }
+
+    /// A good frame comes and stands; t3.5 is near.
+    fn hear_request(&mut self) {
+        for byte in REQUEST {
+            self.hear(byte, Flaws::NONE);
+        }
+        self.alarm();
+        assert_eq!(self.machine.fetch(), Some(Ok(2)));
+        self.alarm();
+        assert_eq!(self.machine.verdict(), Some(true));
+        self.did();
+    }
+
+    fn release(&mut self, len: u8) -> Vec<Did> {
+        self.driver.adu[..3].copy_from_slice(&[0x11, 0x83, 0x02]);
+        self.machine.release(&mut self.driver, len);
+        self.did()
+    }
+}
+
+const TALK: [Did; 2] = [Did::Talk(0x11), Did::Bound(3)];
+
+#[test]
+fn an_answer_waits_for_its_delay_part_by_part() {
+    let mut line = Line::new();
+    for byte in REQUEST {
+        line.hear(byte, Flaws::NONE);
+    }
+    line.alarm();
+    assert_eq!(line.machine.fetch(), Some(Ok(2)));
+    assert_eq!(
+        line.alarm(),
+        [Did::BeginDelay, Did::Alarm(Interval::ToStart)]
+    );
+    line.driver.delays = 2;
+    assert_eq!(line.release(3), []);
+    for _ in 0..2 {
+        assert_eq!(line.alarm(), []);
+        assert_eq!(line.machine.sent(), None);
+        assert!(!line.machine.is_sending());
+    }
+    assert_eq!(line.alarm(), TALK);
+    assert!(line.machine.is_sending());
+}
+
+#[test]
+fn where_gaps_are_allowed_the_delay_begins_with_the_frame() {
+    let mut line = Line::new();
+    line.driver.stands_at_once = true;
+    for byte in REQUEST {
+        line.hear(byte, Flaws::NONE);
+    }
+    line.did();
+    assert_eq!(
+        line.alarm(),
+        [
+            Did::Alarm(Interval::ToStand),
+            Did::BeginDelay,
+            Did::Alarm(Interval::ToStart),
+            Did::Receiver
+        ]
+    );
+}
+
+#[test]
+fn new_settings_end_a_delay() {
+    let mut line = Line::new();
+    line.hear_request();
+    line.driver.delays = 9;
+    line.machine.reset(&mut line.driver);
+    let did = line.did();
+    assert!(did.contains(&Did::EndDelay));
+    assert_eq!(did[did.len() - 2..], [Did::Alarm(Interval::T3_5), Did::On]);
+}
+
+#[test]
+fn the_driver_is_on_before_the_first_character() {
+    let mut line = Line::new();
+    line.driver.leads = true;
+    line.hear_request();
+    line.release(3);
+    assert_eq!(line.alarm(), [Did::Lead]);
+    assert!(line.machine.is_sending());
+    assert_eq!(line.machine.sent(), None);
+    // The receiver is off; what it had is dropped.
+    line.hear(0x55, Flaws::NONE);
+    assert_eq!(line.did(), []);
+    assert_eq!(line.alarm(), [&[Did::Off][..], &TALK].concat());
+    assert!(line.machine.is_sending());
+}
+
+#[test]
+fn what_is_given_up_while_the_driver_is_on_does_not_begin() {
+    let mut line = Line::new();
+    line.driver.leads = true;
+    line.hear_request();
+    line.release(3);
+    line.alarm();
+    line.machine.give_back(&mut line.driver);
+    assert!(!line.machine.is_lent());
+    assert_eq!(
+        line.alarm(),
+        [Did::Listen, Did::Alarm(Interval::T3_5Then), Did::User]
+    );
+    assert!(!line.machine.is_sending());
+    assert!(!line.machine.take_buffer());
+    assert_eq!(line.alarm(), [Did::Off, Did::User]);
+    assert!(line.machine.take_buffer());
+}
+
+#[test]
+fn a_transmitter_that_does_not_end_is_cut_off() {
+    let mut line = Line::new();
+    line.hear_request();
+    line.release(3);
+    line.alarm();
+    assert_eq!(line.alarm(), [], "there is time left");
+    assert!(!line.machine.was_cut() && line.machine.is_sending());
+    line.driver.bound_is_over = true;
+    assert_eq!(
+        line.alarm(),
+        [Did::Cut, Did::Alarm(Interval::T3_5Then), Did::User]
+    );
+    assert!(line.machine.was_cut() && !line.machine.is_sending());
+    assert_eq!(line.machine.sent(), Some(false));
+    line.machine.give_back(&mut line.driver);
+    assert!(!line.machine.was_cut());
+}
+
+/// What goes out of the transmitter, to its end.
+fn send(line: &mut Line) -> Vec<u8> {
+    let mut sent = Vec::new();
+    for did in line.did() {
+        match did {
+            Did::Talk(byte) | Did::Put(byte, _) => sent.push(byte),
+            _ => {}
+        }
+    }
+    loop {
+        line.driver.room = 1;
+        line.machine.on_ready(&mut line.driver);
+        match line.did()[..] {
+            [Did::Put(byte, last)] => {
+                sent.push(byte);
+                line.machine.on_sent(&mut line.driver);
+                let end = [Did::Listen, Did::Alarm(Interval::T3_5), Did::On, Did::User];
+                let is_end = line.did() == end;
+                assert_eq!(is_end, last, "{} bytes", sent.len());
+                if last {
+                    return sent;
+                }
+            }
+            ref did => panic!("{did:?}"),
+        }
+    }
+}
+
+#[test]
+fn text_goes_out_without_a_check() {
+    let mut line = Line::new();
+    line.driver.is_text = true;
+    assert!(line.machine.take_buffer());
+    line.driver.adu[..4].copy_from_slice(b"AT\r\n");
+    line.driver.room = 1;
+    line.machine.release(&mut line.driver, 4);
+    assert_eq!(send(&mut line), *b"AT\r\n");
+    assert_eq!(line.machine.sent(), Some(true));
+    // Nothing behind it.
+    line.machine.on_ready(&mut line.driver);
+    assert_eq!(line.did(), [Did::End]);
+}
+
+#[test]
+fn a_request_over_a_start_bit_waits_for_silence() {
+    let mut line = Line::new();
+    assert!(line.machine.take_buffer());
+    line.driver.start_bit = true;
+    line.driver.delays = 5;
+    assert_eq!(
+        line.release(3),
+        [Did::EndDelay, Did::Alarm(Interval::T3_5), Did::On]
+    );
+    assert!(!line.driver.start_bit);
+    assert_eq!(line.machine.sent(), None);
+    assert_eq!(line.alarm(), TALK);
+    assert_eq!(send(&mut line).len(), 4);
+}
+
+#[test]
+fn a_frame_without_room_is_told_to_who_waits_for_silence() {
+    let mut line = Line::new();
+    line.hear(1, Flaws::NONE);
+    line.did();
+    assert_eq!(line.machine.quiet(&mut line.driver), None);
+    line.machine.on_too_long(&mut line.driver);
+    assert_eq!(line.did(), [Did::User]);
+    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::LENGTH));
+}
+
+#[test]
+fn a_line_is_quiet_when_no_good_frame_may_come() {
+    let mut line = Line::new();
+    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::NONE));
+    // A start bit: what comes of it is there within t3.5.
+    line.driver.start_bit = true;
+    assert_eq!(line.machine.quiet(&mut line.driver), None);
+    assert_eq!(line.did(), [Did::Alarm(Interval::T3_5), Did::On]);
+    assert_eq!(line.alarm(), [Did::Off, Did::User]);
+    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::NONE));
+    // A character of a frame that may become good, and one that has spoilt it.
+    line.hear(0x11, Flaws::NONE);
+    assert_eq!(line.machine.quiet(&mut line.driver), None);
+    line.did();
+    line.hear(0x03, Flaws::PARITY);
+    assert_eq!(line.did(), [Did::User]);
+    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::PARITY));
+    line.alarm();
+    line.alarm();
+    // It is over and was not told yet.
+    assert_eq!(line.machine.quiet(&mut line.driver), None);
+    assert_eq!(line.machine.fetch(), Some(Err(Flaws::PARITY)));
+    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::NONE));
+    // A good frame that nobody has fetched.
+    for byte in REQUEST {
+        line.hear(byte, Flaws::NONE);
+    }
+    for _ in 0..3 {
+        line.alarm();
+        assert_eq!(line.machine.quiet(&mut line.driver), None);
+    }
+    assert_eq!(line.machine.fetch(), Some(Ok(2)));
+    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::NONE));
+    // The buffer is lent: the first character of the next frame is kept, and that frame may be good.
+    line.hear(0x11, Flaws::NONE);
+    assert_eq!(line.machine.quiet(&mut line.driver), None);
+    line.hear(0x03, Flaws::NONE);
+    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::OVERRUN));
+}
+
+#[test]
+fn nothing_is_quiet_while_it_sends() {
+    let mut line = Line::new();
+    line.hear_request();
+    line.release(3);
+    line.alarm();
+    assert_eq!(line.machine.quiet(&mut line.driver), None);
+    send(&mut line);
+    assert_eq!(line.machine.quiet(&mut line.driver), None);
+    assert_eq!(line.alarm(), [Did::Off, Did::User]);
+    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::NONE));
+}
+
+/// A driver that has nothing of all that, and leaves it out.
+struct Plain {
+    adu: Adu,
+    listens: u8,
+}
+
+impl Wire for Plain {
+    fn take(&mut self) -> u8 {
+        0
+    }
+    fn start_bit_seen(&mut self) -> bool {
+        false
+    }
+    fn clear_start_bit(&mut self) {}
+    fn alarm(&mut self, _: Interval) -> bool {
+        true
+    }
+    fn alarm_on(&mut self) {}
+    fn alarm_off(&mut self) {}
+    fn restart(&mut self) {}
+    fn finish(&mut self) -> Heard {
+        Reception::new().finish()
+    }
+    fn adu(&self) -> &Adu {
+        &self.adu
+    }
+    fn talk(&mut self, _: u8) {}
+    fn is_ready(&mut self) -> bool {
+        false
+    }
+    fn put(&mut self, _: u8, _: bool) {}
+    fn end(&mut self) {}
+    fn listen(&mut self) {
+        self.listens += 1;
+    }
+    fn wake_receiver(&mut self) {}
+    fn wake_user(&mut self) {}
+}
+
+#[test]
+fn a_driver_need_not_have_any_of_it() {
+    let mut plain = Plain {
+        adu: [7; 256],
+        listens: 0,
+    };
+    assert!(plain.ascii().is_none() && !plain.is_text());
+    plain.store(3, 9);
+    assert_eq!(plain.adu, [7; 256]);
+    plain.bound(4);
+    assert!(!plain.is_bound_over() && plain.is_delay_over() && !plain.lead());
+    plain.begin_delay();
+    plain.end_delay();
+    plain.cut();
+    assert_eq!(plain.listens, 1, "what is cut off listens");
+}

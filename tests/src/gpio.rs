@@ -150,8 +150,11 @@ impl Gpio {
 
     /// The outside drives `pin` from `at` on.
     pub fn input(&mut self, pin: Pin, level: bool, at: u64) {
+        let shows = at + PIN_DELAY;
+        // RXD follows the wire, while changes of other pins may be known long before.
+        let place = self.incoming.partition_point(|change| change.0 <= shows);
         self.incoming
-            .push_back((at + PIN_DELAY, pin.port, pin.mask(), level));
+            .insert(place, (shows, pin.port, pin.mask(), level));
     }
 
     /// The outside stops driving `pin`.
@@ -303,5 +306,28 @@ impl Gpio {
             3..=5 => self.pcifr &= !(1 << (vector - 3)),
             _ => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_show_in_the_order_of_time_whichever_is_known_first() {
+        let mut gpio = Gpio::new();
+        gpio.write(0x6d, Pin::D0.mask(), 0);
+        gpio.input(Pin::D3, true, 1_000);
+        gpio.input(Pin::D0, false, 100);
+        gpio.input(Pin::D0, true, 200);
+        let pins = |gpio: &mut Gpio, at| gpio.read(0x29, at) & (Pin::D0.mask() | Pin::D3.mask());
+        assert_eq!(pins(&mut gpio, 150), 0);
+        assert_eq!(gpio.read(0x3b, 150), 1 << PORT_D);
+        gpio.write(0x3b, 1 << PORT_D, 160);
+        assert_eq!(pins(&mut gpio, 250), Pin::D0.mask());
+        assert_eq!(gpio.read(0x3b, 250), 1 << PORT_D);
+        gpio.write(0x3b, 1 << PORT_D, 260);
+        assert_eq!(pins(&mut gpio, 1_100), Pin::D0.mask() | Pin::D3.mask());
+        assert_eq!(gpio.read(0x3b, 1_100), 0);
     }
 }

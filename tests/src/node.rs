@@ -352,8 +352,8 @@ impl Node {
     }
 
     /// Drives one of the node's pins from outside, from a cycle on that has not come yet: the exact
-    /// cycle, where [`Node::set_input`] can only act between two instructions. Changes have to be
-    /// given in the order of time; one whose cycle has passed acts at once.
+    /// cycle, where [`Node::set_input`] can only act between two instructions. One whose cycle has
+    /// passed acts at once.
     pub fn set_input_at(&mut self, pin: Pin, level: bool, cycle: u64) {
         let at = cycle.max(self.core.cycle());
         self.core.periph_mut().gpio.input(pin, level, at);

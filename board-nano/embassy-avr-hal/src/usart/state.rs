@@ -156,15 +156,20 @@ fn set_compare(tick: u16) {
 #[inline(never)]
 fn advance_compare(ticks: u16) {
     let from = timer1::registers().ocr1b().read().bits();
-    set_compare(from.wrapping_add(ticks));
-    let now = timer1::now();
-    if now.wrapping_sub(from) >= ticks {
-        // This interrupt had to wait for longer than the interval: the timer would go round first.
-        set_compare(now.wrapping_add(SOON));
-    }
+    let soon = timer1::now().wrapping_add(OVERDUE);
+    set_compare(if soon.wrapping_sub(from) >= ticks {
+        // This interrupt had to wait for as long as the interval: the timer would go round first.
+        soon
+    } else {
+        from.wrapping_add(ticks)
+    });
 }
 
-/// Ticks to an alarm that is overdue: enough for the compare register to be written before.
+/// Ticks to an alarm that is overdue, or would be before this interrupt has ended, which is the one of higher priority (DS 12.4): a
+/// character that waits is looked at first, and moves the alarm.
+const OVERDUE: u16 = 32;
+
+/// Ticks to an alarm at the least: enough for the compare register to be written before.
 const SOON: u16 = 4;
 
 /// The chip, as it is set up, with its DE pin.

@@ -3,8 +3,8 @@
 
 mod common;
 
-use common::{assert_bus_rules, frames, image};
-use multidrop_bus::{Bus, BusConfig, Format, HostPort, Line, Nano, Time, Tx};
+use common::{Rig, assert_bus_rules, frames, image};
+use multidrop_bus::{Bus, BusConfig, Clock, Format, HostPort, Line, Nano, Time, Tx};
 
 /// Turnaround beyond t3.5 at the most, in microseconds: one bit, or one at 38400 baud where that is
 /// longer.
@@ -135,5 +135,61 @@ fn at_16_mhz() {
 fn at_20_mhz() {
     for baud in [38_400, 250_000] {
         check(20_000_000, baud);
+    }
+}
+
+/// How much later than t3.5 an answer may begin: a sample of the receiver and one of the transmitter, each up to an eighth of a bit,
+/// and the cycles of two interrupts and of what is rounded up to ticks.
+fn rounded(clock_hz: u32, line: Line) -> Time {
+    line.bits(1) / 4 + Clock::new(clock_hz, 0).time(130)
+}
+
+#[test]
+fn silences_are_exact_at_a_clock_that_counts_no_whole_microseconds() {
+    let clock_hz = 11_059_200;
+    for (baud, format) in [
+        (9_600, Format::N81),
+        (19_200, Format::E81),
+        (38_400, Format::N81),
+        (115_200, Format::N82),
+    ] {
+        let line = Line { baud, format };
+        let (rate, bits) = (baud.to_string(), format.to_string());
+        let options = ["--clock", "11059200", "--baud", &rate, "--format", &bits];
+        let nano = Nano {
+            clock_hz,
+            ..Nano::new("unit 1", image("registers", &options))
+        };
+        let mut rig = Rig::nano(nano, line);
+        let mut beyond = Vec::new();
+        for step in 0..40 {
+            // Another phase of the node's clocks each time.
+            rig.pause(Time::from_ms(2) + Time::from_ns(313 * step));
+            let answer = rig.exchange(&frames::words(1, 4, 2, 1)).expect("an answer");
+            beyond.push(answer.turnaround() - line.t35());
+        }
+        let latest = beyond.iter().max().expect("40 answers");
+        assert!(
+            *latest <= rounded(clock_hz, line),
+            "{latest} beyond t3.5 at {baud}"
+        );
+    }
+}
+
+/// Timer1 goes round every 32.768 ms.
+const TURN: Time = Time::from_us(32_768);
+
+#[test]
+fn answers_begin_at_t3_5_wherever_in_an_exchange_timer1_goes_round() {
+    let line = Line::n81(38_400);
+    // It is there from the start, and so is its timer, but for a few us.
+    let mut rig = Rig::registers(16, line);
+    for step in 0..110 {
+        // An exchange takes 5.7 ms.
+        let next = TURN * (step + 2) - Time::from_us(55) * step;
+        rig.pause(next - rig.bus.now());
+        let answer = rig.exchange(&frames::words(1, 4, 2, 1)).expect("an answer");
+        let beyond = answer.turnaround() - line.t35();
+        assert!(beyond < line.bits(1), "{beyond}, step {step}");
     }
 }

@@ -7,10 +7,16 @@ use multidrop_bus::{Bus, BusConfig, Nano, NodeId, Pin, Time};
 
 /// A node that runs an example with pins PB0 to PB4 watched, with nothing else on the bus.
 fn alone(name: &str) -> (Bus, NodeId) {
+    alone_at(name, 16_000_000)
+}
+
+/// The same at another clock.
+fn alone_at(name: &str, clock_hz: u32) -> (Bus, NodeId) {
     let mut bus = Bus::new(BusConfig::default());
     let node = bus
         .add_nano(Nano {
             de: None,
+            clock_hz,
             watch: (0..5).map(port_b).collect(),
             ..Nano::new(name, example(name))
         })
@@ -132,4 +138,37 @@ fn a_wait_longer_than_an_alarm_is_set_ahead_ends_in_time() {
     let stats = bus.node(node).stats();
     let turns = bus.now().ps() / Time::from_us(32_768).ps();
     assert!(stats.awake < turns * 3_000, "awake for {}", stats.awake);
+}
+
+/// 11.0592 MHz: 864 ticks of Timer1 are 625 us, and a turn of it is 47407.407 of them.
+const ODD_CLOCK_HZ: u32 = 11_059_200;
+
+#[test]
+fn remainders_of_a_turn_add_up_to_no_drift() {
+    let (mut bus, _) = alone_at("odd_clock", ODD_CLOCK_HZ);
+    // The remainder of each turn is 0.4 us: 8.6 ms in all.
+    bus.run_for(Time::from_s(1_000) + Time::from_ms(500));
+    let beats = changes(&bus, port_b(0));
+    assert_eq!(beats.len(), 1_000);
+    for (index, time) in (0..).zip(&beats) {
+        let due = beats[0] + Time::from_s(1) * index;
+        let off = time.max(&due).saturating_sub(*time.min(&due));
+        assert!(
+            off <= Time::from_us(100),
+            "beat {index} at {time}, not {due}"
+        );
+    }
+}
+
+#[test]
+fn an_alarm_that_has_passed_before_it_is_set_is_not_waited_for() {
+    let (mut bus, _) = alone_at("odd_clock", ODD_CLOCK_HZ);
+    bus.run_for(Time::from_ms(1_500));
+    let changes = changes(&bus, port_b(1));
+    assert_eq!(changes.len(), 800);
+    for (us, pair) in (1..).zip(changes.chunks(2)) {
+        let wait = pair[1] - pair[0];
+        let due = Time::from_us(us);
+        assert!(wait >= due && wait <= due + LATE, "{wait}, not {due}");
+    }
 }

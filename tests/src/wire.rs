@@ -103,6 +103,17 @@ impl Wire {
         }
     }
 
+    pub fn set_echo(&mut self, station: Station, echo: bool) {
+        if let Some(transceiver) = self.of(station) {
+            transceiver.echo = echo;
+        }
+    }
+
+    pub fn echoes(&self, station: Station) -> bool {
+        let mut transceivers = self.transceivers.iter();
+        transceivers.any(|t| t.station == station && t.echo)
+    }
+
     pub fn set_powered(&mut self, station: Station, powered: bool) {
         if let Some(transceiver) = self.of(station) {
             transceiver.powered = powered;

@@ -200,6 +200,20 @@ fn cts_holds_the_next_character_and_not_the_one_under_way() {
     );
 }
 
+#[test]
+fn what_it_sends_comes_back_where_its_transceiver_hears_itself() {
+    for echo in [false, true] {
+        let symbols = [("CR1", ON), ("CR3", 0), ("SENDS", 3), ("WAITS", 0)];
+        let mut desk = Desk::new("usart", &symbols, LINE);
+        let station = desk.bus.machine(desk.machine).station(0);
+        desk.bus.set_echo(station.expect("it is on the wire"), echo);
+        desk.bus.run_for(Time::from_ms(5));
+        let heard: Vec<_> = desk.heard().iter().map(|(_, dr, ..)| *dr).collect();
+        assert_eq!(desk.sent().len(), 3);
+        assert_eq!(heard, if echo { vec![3, 2, 1] } else { vec![] });
+    }
+}
+
 /// `reset.S` with what it is to do first, after half a second.
 fn resets(first: u32, watchdog: [u32; 3], lsi: u32) -> Desk {
     let [prescaler, reload, feeds] = watchdog;

@@ -344,3 +344,30 @@ fn start_bits_are_each_ports_own() {
         }
     }
 }
+
+#[test]
+fn a_port_that_hears_itself_takes_no_time_from_others() {
+    let mut desk = Desk::new();
+    for (loud, other) in [(RS4, 0), (0, RS4), (2, 1)] {
+        for port in [loud, other] {
+            let station = desk.bus.machine(desk.machine).station(port);
+            desk.bus.set_echo(station.expect("it is on a wire"), true);
+        }
+        // 37 characters.
+        let end = desk.send(loud, &words(1, 3, 0, 16));
+        desk.bus.run_to(end + LINE.t35() + LINE.character() * 4);
+        let end = desk.send(other, &read());
+        desk.bus.run_to(end);
+        let (heard, start) = desk.heard(other);
+        assert_eq!(heard, zero(), "port {other}");
+        let after = start.expect("an answer") - end;
+        assert!(
+            after >= LINE.t35() && after < LINE.t35() + LINE.bits(1),
+            "port {other}: {after}"
+        );
+        let heard = desk.bus.host(desk.hosts[loud]).take();
+        assert_eq!(heard.len(), 37, "port {loud}");
+        desk.expect_counted(loud, DAMAGED, 0);
+        desk.expect_counted(loud, OVERRUNS, 0);
+    }
+}

@@ -71,6 +71,12 @@ impl Bus {
         &mut self.machines[id.0]
     }
 
+    /// Whether the transceiver of a machine's port, which is this station, hears what the port itself sends.
+    pub fn set_echo(&mut self, station: Station, echo: bool) {
+        let wire = self.wire_of(station);
+        self.wires[wire.0].set_echo(station, echo);
+    }
+
     /// Resets an STM32. Nothing happens to one in QEMU.
     pub fn reset_stm32(&mut self, id: MachineId, cause: Cause) {
         if let Some(silicon) = self.machines[id.0].silicon() {
@@ -82,10 +88,11 @@ impl Bus {
     /// have something to do. `nodes` is when the first of the nodes may do something.
     pub(super) fn run_machine(&mut self, index: usize, nodes: Time, deadline: Time) {
         let machine = &self.machines[index];
+        let is_heard = |wire: &WireId, from| !machine.is(from) || self.wires[wire.0].echoes(from);
         let hears = |event: &(WireId, Event)| match event {
-            (wire, Event::Begin(from, _)) => machine.is_on(*wire) && !machine.is(*from),
+            (wire, Event::Begin(from, _)) => machine.is_on(*wire) && is_heard(wire, *from),
             (wire, Event::Data(from, _)) if machine.sees_edges() => {
-                machine.is_on(*wire) && !machine.is(*from)
+                machine.is_on(*wire) && is_heard(wire, *from)
             }
             (wire, Event::Noise(_)) => machine.is_on(*wire),
             (wire, Event::Resolve) => machine.sees_edges() && machine.is_on(*wire),

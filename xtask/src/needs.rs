@@ -5,7 +5,7 @@
 
 use crate::repo;
 use crate::toolchain::Toolchain;
-use crate::{machine, python, toolchain};
+use crate::{machine, mutants, python, toolchain};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -30,6 +30,8 @@ pub enum Purpose {
     Profiler,
     /// The checks of `test` that go beyond that.
     Checks,
+    /// Planting faults in what the host builds.
+    Mutants,
 }
 
 /// One thing that has to be on the machine.
@@ -233,6 +235,13 @@ pub const ALL: &[Need] = &[
         debian: &[],
         by_hand: "Python 3.10 or newer with venv (Debian: python3 python3-venv; Fedora: python3; \
                   Arch: python; macOS: brew install python) and access to a Python package registry",
+    },
+    Need {
+        name: "cargo-mutants",
+        purpose: Purpose::Mutants,
+        found: || mutants::program().map(|path| path.display().to_string()),
+        debian: &[],
+        by_hand: "cargo install cargo-mutants --locked",
     },
 ];
 

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::needs::{ALL, COMPILER_PACKAGES, Need, Purpose};
 use crate::toolchain::{LINKED, RELEASE, SYSTEM_PREFIX, Toolchain};
-use crate::{machine, python, repo};
+use crate::{machine, mutants, python, repo};
 use std::io::Write;
 use std::process::{Command, Stdio};
 
@@ -90,6 +90,11 @@ fn add(missing: &[&'static Need]) {
     }
     if is_missing("Python with pymodbus") || is_missing("Unicorn's library") {
         install_python();
+    }
+    if is_missing("cargo-mutants")
+        && let Err(error) = mutants::install()
+    {
+        println!("{}", error.message());
     }
 }
 

@@ -7,6 +7,8 @@ mod copies;
 pub mod planted;
 mod sample;
 
+pub use sample::{install, program};
+
 use crate::error::Error;
 use crate::repo;
 use clap::Args;

@@ -2,7 +2,8 @@
 
 use super::Score;
 use crate::error::Error;
-use crate::repo;
+use crate::needs::Purpose;
+use crate::{repo, setup};
 use serde::Deserialize;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -58,6 +59,7 @@ struct Equivalent {
 /// # Errors
 /// [`Error::usage`] where cargo-mutants is missing or the revision is not known, [`Error::failed`] where it cannot do its work.
 pub fn run(which: Which<'_>) -> Result<Score, Error> {
+    setup::prepare(&[Purpose::Mutants])?;
     let made = repo::root().join("target/mutants");
     fs::create_dir_all(&made).map_err(|error| Error::io(made.display(), error))?;
     let mut listing = mutants(&["--list", "--json"])?;
@@ -211,7 +213,8 @@ fn diff(revision: &str, made: &Path) -> Result<PathBuf, Error> {
 }
 
 fn mutants(arguments: &[&str]) -> Result<Command, Error> {
-    let mut command = Command::new(program()?);
+    let program = program().ok_or_else(|| Error::failed("cargo-mutants is gone"))?;
+    let mut command = Command::new(program);
     command.current_dir(repo::root()).arg("mutants");
     for package in PACKAGES {
         command.args(["--package", package]);
@@ -220,32 +223,33 @@ fn mutants(arguments: &[&str]) -> Result<Command, Error> {
     Ok(command)
 }
 
-/// cargo-mutants: in PATH, or in a folder of our own, where it is installed if it is nowhere.
-fn program() -> Result<PathBuf, Error> {
-    if let Some(found) = repo::in_path("cargo-mutants") {
-        return Ok(found);
-    }
-    let root = repo::root().join("target/tools");
-    let own = root.join("bin/cargo-mutants");
-    if !own.exists() {
-        println!("cargo-mutants is missing: installing it into target/tools");
-        let mut install = repo::cargo();
-        install.args([
-            "install",
-            "cargo-mutants",
-            "--locked",
-            "--version",
-            VERSION,
-            "--root",
-        ]);
-        repo::run(install.arg(&root)).map_err(|error| {
-            Error::usage(format!(
-                "cargo-mutants is missing, and cannot be installed: {}; --kept does without it",
-                error.message()
-            ))
-        })?;
-    }
-    Ok(own)
+/// Where cargo-mutants is: in PATH, or in a folder of our own.
+pub fn program() -> Option<PathBuf> {
+    repo::in_path("cargo-mutants").or_else(|| {
+        let own = own_tools().join("bin/cargo-mutants");
+        own.exists().then_some(own)
+    })
+}
+
+fn own_tools() -> PathBuf {
+    repo::root().join("target/tools")
+}
+
+/// Installs cargo-mutants in a folder of our own, where it changes nothing for anybody else.
+///
+/// # Errors
+/// What cargo says.
+pub fn install() -> Result<(), Error> {
+    let mut install = repo::cargo();
+    install.args([
+        "install",
+        "cargo-mutants",
+        "--locked",
+        "--version",
+        VERSION,
+        "--root",
+    ]);
+    repo::run(install.arg(own_tools()))
 }
 
 fn output(command: &mut Command) -> Result<Vec<u8>, Error> {

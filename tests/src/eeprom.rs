@@ -54,6 +54,8 @@ pub(crate) struct Eeprom {
     enabled_until: Option<u64>,
     /// The write in progress: when it ends, where, what.
     writing: Option<(u64, usize, u8)>,
+    /// How often each cell was erased, written or both.
+    pub wear: Vec<u32>,
     pub misuses: Vec<Misuse>,
 }
 
@@ -67,6 +69,7 @@ impl Eeprom {
             control: 0,
             enabled_until: None,
             writing: None,
+            wear: vec![0; cells.len()],
             misuses: Vec::new(),
         }
     }
@@ -78,7 +81,8 @@ impl Eeprom {
         self.enabled_until = None;
     }
 
-    pub fn lose_power(&mut self) {
+    pub fn lose_power(&mut self, at: u64) {
+        self.sync(at);
         if let Some((_, cell, _)) = self.writing.take() {
             self.cells[cell] = 0xff;
         }
@@ -169,6 +173,7 @@ impl Eeprom {
                 _ => (34, self.data),
             };
             let end = at + self.hz * tenths_of_ms / 10_000;
+            self.wear[cell] += 1;
             self.writing = Some((end, cell, result));
             return WRITE_HALT;
         }

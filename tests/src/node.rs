@@ -169,7 +169,8 @@ impl Node {
 
     pub(crate) fn power_cut(&mut self, now: Time) {
         self.settle(now);
-        self.core.periph_mut().eeprom.lose_power();
+        let cycle = self.clock.tick_at_or_after(now);
+        self.core.periph_mut().eeprom.lose_power(cycle);
         self.restart(now, 0);
         self.powered = false;
     }
@@ -460,6 +461,11 @@ impl Node {
     /// The EEPROM's 1024 bytes.
     pub fn eeprom_mut(&mut self) -> &mut [u8] {
         &mut self.core.periph_mut().eeprom.cells
+    }
+
+    /// How often each byte of the EEPROM was erased or written since the bus was made: a cell stands 100 000 times (DS 8.4).
+    pub fn eeprom_wear(&self) -> &[u32] {
+        &self.core.periph().eeprom.wear
     }
 
     /// What the firmware did with the EEPROM that the data sheet does not allow for, since the bus was made.

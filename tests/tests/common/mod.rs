@@ -9,6 +9,7 @@ pub mod four;
 pub mod frames;
 mod images;
 pub mod model;
+pub mod pair;
 pub mod plain;
 pub mod random;
 pub mod rig;

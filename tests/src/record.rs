@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::gpio::{Level, Pin};
+use crate::line::Format;
 use crate::time::Time;
 
 /// A station: a node or a host, in the order they were put on the bus.
@@ -44,6 +45,8 @@ pub struct WireByte {
     pub sent: u16,
     /// What a receiver with the sender's clock and format reads off the wire.
     pub value: u16,
+    /// The levels that it reads, in the order of the wire, the start bit in bit 0.
+    pub bits: u16,
     /// It reads a stop bit that is low.
     pub framing_error: bool,
     /// It reads the wrong parity.
@@ -65,6 +68,12 @@ impl WireByte {
                 || self.lost
                 || self.conflict
                 || self.truncated.is_some())
+    }
+
+    /// Whether a receiver of this format, with the sender's clock, finds its parity and its first stop bit right.
+    pub fn fits(&self, format: Format) -> bool {
+        let decoded = format.decode(self.bits);
+        !decoded.parity_error && !decoded.framing_error
     }
 }
 

@@ -278,6 +278,7 @@ impl Wire {
             end: frame.times.end(),
             sent: frame.value,
             value: decoded.value,
+            bits,
             framing_error: decoded.framing_error,
             parity_error: decoded.parity_error,
             lost: open.lost,

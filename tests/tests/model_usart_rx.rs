@@ -102,6 +102,22 @@ fn the_start_bit_of_a_fourth_overruns_the_third() {
 }
 
 #[test]
+fn the_third_is_lost_as_soon_as_a_fourth_begins() {
+    // Characters of 260 us from 1 ms on: it looks at 1.9 ms, amid the fourth, and at 1.7 ms, amid the third.
+    for (wait, third) in [(6_080, None), (5_440, Some((GOOD, 3)))] {
+        let symbols = [("WAIT", wait)];
+        let (mut bus, node, host) = one("poll_rx", &symbols, Line::n81(38_400));
+        bus.run_to(START);
+        bus.host(host).send(&[1, 2, 3, 4]);
+        bus.run_for(Time::from_ms(2));
+        let mut expected = vec![(GOOD, 1), (GOOD, 2)];
+        expected.extend(third);
+        expected.push((if third.is_some() { GOOD } else { GOOD | 8 }, 4));
+        assert_eq!(received(&bus, node, expected.len()), expected, "{wait}");
+    }
+}
+
+#[test]
 fn flags_belong_to_their_character() {
     let line = Line {
         baud: 38_400,

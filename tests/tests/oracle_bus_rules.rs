@@ -132,15 +132,34 @@ fn characters_of_another_format_or_rate_are_told() {
     told(&run(&[], even, []), even, "another length");
     told(&run(&[("UBRR", 27)], LINE, []), LINE, "another length");
     assert_eq!(verdict(&run(&[("UCSRC", 0x26)], even, []), even), Ok(()));
-    // Odd parity is as long as even: whoever listens finds it wrong.
-    for (ucsrc, clean) in [(0x26, true), (0x36, false)] {
-        let (mut bus, _, host) = support::one("violates", &[("UCSRC", ucsrc)], even);
-        bus.run_to(Time::from_ms(20));
-        let heard = bus.host(host).take();
-        assert_eq!(heard.len(), 3);
-        assert!(
-            heard.iter().all(|byte| byte.parity_error != clean),
-            "{heard:?}"
-        );
+    // Odd parity is as long as even.
+    let odd = run(&[("UCSRC", 0x36)], even, []);
+    told(&odd, even, "another format");
+    told(&odd, Rules::client(even), "another format");
+    // Two stop bits are as long as one with a parity bit, of which 1 has a low one by odd parity.
+    let two = Line {
+        format: Format::N82,
+        ..LINE
+    };
+    told(&odd, two, "another format");
+}
+
+#[test]
+fn an_answer_to_a_frame_with_wrong_parity_is_told() {
+    for (format, ucsrc) in [(Format::E81, 0x26), (Format::O81, 0x36)] {
+        let line = Line { format, ..LINE };
+        let symbols = [("UCSRC", ucsrc)];
+        assert_eq!(verdict(&run(&symbols, line, frame()), line), Ok(()));
+        for place in 0..8 {
+            for wrong in [Tx::bad_parity, |one: Tx| one.flip_bit(3)] {
+                let mut heard = frame();
+                heard[place] = wrong(heard[place]);
+                told(&run(&symbols, line, heard), line, "a damaged frame");
+            }
+            // Two bits do not change parity: this is for the CRC.
+            let mut heard = frame();
+            heard[place] = heard[place].flip_bit(3).flip_bit(4);
+            assert_eq!(verdict(&run(&symbols, line, heard), line), Ok(()));
+        }
     }
 }

@@ -59,7 +59,7 @@ impl Rules {
 /// - no two drivers ever disagreed;
 /// - a node drives for answers alone: DE up at most one bit before the first start bit, no
 ///   idle time between characters, DE down within 10 us of the last stop bit and never before its
-///   end (SER 2.5.1.1 and the half-duplex rules of SER 3.2), characters as long as those of the line;
+///   end (SER 2.5.1.1 and the half-duplex rules of SER 3.2), characters as long as those of the line and of its format;
 /// - no answer begins before t3.5 after the last character of anyone else, or while one is sent;
 /// - no frame of RTU is answered that has a gap of more than t1.5 and a bit, or a damaged character.
 ///
@@ -112,6 +112,9 @@ pub fn assert_bus_rules(bus: &Bus, rules: impl Into<Rules>) {
             let all = line.character() * answer.len() as u64;
             if sent_bits * 20 > all * 21 || sent_bits * 20 < all * 19 {
                 broken("characters of another length");
+            }
+            if !answer.iter().all(|byte| byte.fits(line.format)) {
+                broken("characters of another format");
             }
             let others = |byte: &&WireByte| byte.from != station && byte.start < off;
             let heard = record.bytes().iter().filter(others);

@@ -2,7 +2,7 @@
 //!
 //! AS1 is slave 1, a managed port that counts, with holding registers 0 to 7. 1 written to register 0 has RS2 ask unit 9 for a
 //! register: register 1 becomes 1 for an answer, 2 where the request was cut off, 3 for any other end. 2 written to register 0
-//! makes BAUD of AS1 9600.
+//! makes BAUD of AS1 9600, 3 makes its CTS_TIMEOUT 60 s.
 #![no_std]
 #![no_main]
 
@@ -74,6 +74,7 @@ async fn obey(as1: &'static As1, rs2: &'static Rs2) -> ! {
                         .with(|port| port.regs_mut().cells_mut()[1] = outcome);
                 }
                 2 => as1.load(Register::Baud, 9_600).unwrap(),
+                3 => as1.load(Register::CtsTimeout, 60_000).unwrap(),
                 _ => {}
             }
         }

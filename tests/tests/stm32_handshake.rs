@@ -112,6 +112,29 @@ fn an_answer_that_is_held_is_dropped_at_the_end_of_cts_timeout() {
 }
 
 #[test]
+fn cts_timeout_may_be_longer_than_the_timer_of_the_line_can_tell_past_from_future() {
+    let mut desk = Desk::new();
+    let longer = words(1, 6, 0, 3);
+    desk.expect(&longer, &longer);
+    desk.bus.run_for(Time::from_ms(50));
+    let (read, answer) = (words(1, 3, 5, 1), data(1, 3, &[0, 0]));
+    // Half a round of TIM5 is 51 s.
+    for (held_s, is_dropped) in [(59, false), (61, true)] {
+        desk.hold(AS1, true);
+        desk.expect(&read, &[]);
+        desk.bus.run_for(Time::from_s(held_s));
+        desk.hold(AS1, false);
+        desk.bus.run_for(Time::from_ms(20));
+        let heard = desk.bus.host(desk.as1).take();
+        let heard: Vec<u8> = heard.iter().map(|byte| byte.value).collect();
+        let expected = if is_dropped { &[][..] } else { &answer };
+        assert_eq!(heard, expected, "{held_s} s");
+        desk.expect(&read, &answer);
+    }
+    desk.expect_unanswered(1);
+}
+
+#[test]
 fn settings_wait_behind_it_no_longer() {
     let mut desk = Desk::new();
     desk.hold(AS1, true);

@@ -463,3 +463,37 @@ impl Usart {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Characters of 8N1 without a gap, 16 cycles to a bit, from `at` on. Gives the end of the last.
+    fn hear(usart: &mut Usart, at: u64, characters: &[u8]) -> u64 {
+        let mut begins = at;
+        for &value in characters {
+            let bits = Format::N81.encode(value.into());
+            for bit in 0..10 {
+                usart.rxd_edge(begins + 16 * bit, bits >> bit & 1 == 1);
+            }
+            begins += 160;
+        }
+        begins
+    }
+
+    #[test]
+    fn a_receiver_that_is_switched_off_forgets_what_it_has_heard() {
+        let mut usart = Usart::new(TxPhase::default());
+        usart.write(0xc1, RXEN, 0);
+        // Two wait in the FIFO, one in the shift register, and the start bit of a fourth has made an overrun of that.
+        let end = hear(&mut usart, 100, &[1, 2, 3, 4]);
+        assert_eq!(usart.read(0xc0, end - 100), RXC | UDRE);
+        usart.write(0xc1, 0, end - 100);
+        assert_eq!(usart.read(0xc0, end - 100), UDRE);
+        usart.write(0xc1, RXEN, end);
+        let end = hear(&mut usart, end + 100, &[5]);
+        assert_eq!(usart.read(0xc0, end), RXC | UDRE);
+        assert_eq!(usart.read(0xc6, end), 5);
+        assert_eq!(usart.read(0xc0, end), UDRE);
+    }
+}

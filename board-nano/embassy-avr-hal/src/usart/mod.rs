@@ -20,6 +20,9 @@
 //! Silences of more than 65535 ticks, of slow lines and of gaps that end a frame, are counted in parts where the type asks
 //! for it ([`Slow`]); a line without pays nothing.
 //!
+//! An application may keep interrupts off for the time of two characters. What is longer may lose one: its frame is dropped and told
+//! as an overrun. An answer that would have begun meanwhile begins behind it.
+//!
 //! Its interrupts wake tasks through [`executor::run`](crate::executor::run), which has to be the one that
 //! runs them. They are bound by one line in the binary, [`bind_usart0!`](crate::bind_usart0).
 

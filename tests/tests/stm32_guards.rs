@@ -4,8 +4,8 @@
 mod common;
 
 use common::conforms::Board;
-use common::four::{Desk, RS4};
-use common::frames::{adu, words};
+use common::four::{AS1, Desk, RS4, setting};
+use common::frames::{adu, block, words};
 use common::plain::wire::{Way, ascii};
 use common::{LINE, Rig, Runner, conformance, ports, stm32_example};
 use multidrop_bus::{Bus, Format, Line, RxByte, Silicon, Time, Tx, WireByte};
@@ -98,6 +98,37 @@ fn seven_bits_and_two_stop_bits_are_eight_of_which_the_last_is_one() {
     }
     let sent = rig.bus.record().bytes().iter();
     assert!(sent.clone().all(WireByte::is_good));
+}
+
+#[test]
+fn another_end_of_ascii_frames_has_the_data_bits_of_a_character() {
+    // Bit 7 of what FC 08/03 sets is there where a character has it.
+    for (format, end) in [(Format::E71, 0x23), (Format::N81, 0xA3)] {
+        let mut rig = unit(Way::Ascii, Line { format, ..LINE }).ascii();
+        let change = [17, 8, 0, 3, 0xA3, 0];
+        let heard = rig.ask(&ascii(&change, b'\n'));
+        assert_eq!(
+            heard[..heard.len() - 1],
+            ascii(&change, 0)[..heard.len() - 1]
+        );
+        rig.expect_silence(&ascii(&READ, b'\n'));
+        rig.pause(Time::from_ms(1_100));
+        let heard = rig.ask(&ascii(&READ, end));
+        assert_eq!(heard, ascii(&FIVE, end), "{format}");
+    }
+}
+
+#[test]
+fn de_lead_is_for_a_port_that_has_de() {
+    let mut desk = Desk::new(&ports(Runner::Core), Runner::Core.emulator(), &[]).expect("an image");
+    // DE_LEAD of AS1, which has none: 10 ms.
+    let register = setting(AS1, 31);
+    let load = block(10, 16, register, 2, &[0, 0, 0x27, 0x10]);
+    for request in [&load, &words(10, 3, register, 2)] {
+        let answer = desk.bus.transact(desk.pc, request, Time::from_ms(100));
+        let after = answer.expect("an answer").turnaround();
+        assert!(after < LINE.t35() + LINE.bits(2), "{after}");
+    }
 }
 
 /// Answers and when they begin, of a server whose transceiver hears itself, if `echo`.

@@ -18,7 +18,7 @@
 //! master, nobody is asked since too many wait already, or the line behind is never silent. Or 0B, where it did and no
 //! good answer came within the route's own timeout, which is to be shorter than the asker's (APP 7). A unit that has not
 //! answered a request before to the same function is asked when the guard time of the client behind is over: an asker has to
-//! wait for that too.
+//! wait for that too. Behind Force Listen Only Mode nothing, since it has no answer (APP 6.8, sub-function 04).
 //!
 //! # Several askers
 //!

@@ -161,6 +161,50 @@ fn a_scan_list_keeps_its_periods() {
     }
 }
 
+/// The CPU is busy with something else when a wait ends: it is over when the task is polled, however much later that is.
+#[test]
+fn a_wait_that_is_looked_at_late_is_over() {
+    let minutes = ROUND / 3;
+    for moment in [0, ROUND / 2 - 1, ROUND - 1] {
+        for late in [1, TICKS_PER_MS, 50 * TICKS_PER_MS, minutes] {
+            let jump = |ms: u64| {
+                let ticks = ms * TICKS_PER_MS + late;
+                MockDriver::get().advance(Duration::from_ticks(ticks));
+            };
+            // The timeout of one, then the guard behind it, for which the next one waits.
+            let mut desk = at::<1>(moment);
+            let client = desk.port.client(CONFIG);
+            for waits in [0, GUARD] {
+                let asks = desk.spawn(async move {
+                    assert_eq!(read(client, 9, 1).await, Err(ClientError::Timeout));
+                });
+                desk.poll();
+                if waits > 0 {
+                    jump(waits);
+                }
+                desk.run(SENDS + 1);
+                assert!(!desk.is_over(asks));
+                jump(TIMEOUT);
+                desk.poll();
+                assert!(desk.is_over(asks), "{moment:#x}, {late}");
+            }
+            assert_eq!(desk.sent().len(), 2);
+            drop(desk);
+            // The turnaround.
+            let mut desk = at::<1>(moment);
+            let client = desk.port.client(CONFIG);
+            let asks = desk.spawn(async move {
+                assert_eq!(client.write_register(0, 1, 1).await, Ok(()));
+            });
+            desk.run(SENDS + 1);
+            assert!(!desk.is_over(asks));
+            jump(TURNAROUND);
+            desk.poll();
+            assert!(desk.is_over(asks), "{moment:#x}, {late}");
+        }
+    }
+}
+
 #[test]
 fn the_longest_waits_there_are() {
     let longest = u64::from(u16::MAX);

@@ -145,7 +145,7 @@ impl Nano328 {
         }
         // 20.6.5: once what is pending has left, the port has the pin back. A floating TXD is
         // pulled up by the transceiver's input.
-        let driven = self.usart.drives_txd(at) || self.gpio.output(Pin::D1) != Level::Low;
+        let driven = self.usart.transmits() || self.gpio.output(Pin::D1) != Level::Low;
         if driven != self.txd {
             self.txd = driven;
             self.outputs.push(Output {

@@ -175,10 +175,9 @@ impl Usart {
 
     // --- transmitter ------------------------------------------------------------------------
 
-    /// Whether the transmitter holds the TXD pin at `t` (20.6: also while disabled, until what is
-    /// pending has left).
-    pub fn drives_txd(&self, t: u64) -> bool {
-        self.ucsrb & TXEN != 0 || self.tx_busy_until() > t
+    /// Whether the transmitter is on. It holds the TXD pin then, and while it is off until what is pending has left (20.6.5).
+    pub fn transmits(&self) -> bool {
+        self.ucsrb & TXEN != 0
     }
 
     /// When the last character written will have left; 0 if there is none.

@@ -316,6 +316,17 @@ fn a_host_tells_a_wire_that_changes_about_the_middle_of_a_bit() {
 }
 
 #[test]
+fn a_host_takes_no_spike_for_a_start_bit() {
+    let (mut bus, hosts) = hosts(1);
+    // A bit is 26 us, its middle at 13.
+    for (us, heard) in [(5, 0), (12, 0), (14, 1)] {
+        bus.noise(bus.now(), Time::from_us(us), false);
+        bus.run_for(Time::from_ms(1));
+        assert_eq!(bus.host(hosts[0]).take().len(), heard, "{us} us");
+    }
+}
+
+#[test]
 fn what_a_node_had_begun_is_gone_with_a_reset() {
     let sent = |reset: Option<Time>| {
         let (mut bus, node, _) = one("send", &[], LINE);

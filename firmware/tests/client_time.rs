@@ -288,3 +288,19 @@ fn places_that_are_free_again_do_not_change_the_order() {
         }
     }
 }
+
+/// The same client with other times asks with these, and the first one with its own.
+#[test]
+fn a_client_with_other_times_has_these() {
+    let mut desk = at::<1>(0);
+    let client = desk.port.client(CONFIG);
+    let patient = client.with(CONFIG.timeout_ms(3 * TIMEOUT as u16).retries(1));
+    for (client, ms) in [
+        (client, SENDS + TIMEOUT),
+        (patient, GUARD + 2 * (SENDS + 3 * TIMEOUT)),
+        (client, GUARD + SENDS + TIMEOUT),
+    ] {
+        let missing = desk.ask(read(client, 9, 1));
+        assert_eq!(missing, (Err(ClientError::Timeout), ms));
+    }
+}

@@ -4,7 +4,10 @@
 mod bench;
 
 use std::cell::RefCell;
+use std::future::Future;
+use std::pin::pin;
 use std::rc::Rc;
+use std::task::{Context, Poll, Waker};
 
 use bench::{Bench, Event, SENDS, TestLine, Wire};
 use multidrop_firmware::managed::{ManagedPort, managed_receive, managed_run};
@@ -137,4 +140,22 @@ fn who_waits_is_refused_when_the_port_is_no_master_any_more() {
     let ends = ask(&mut bench, port, &[24]);
     bench.run(2 * EXCHANGE);
     assert_eq!(*ends.borrow(), [(24, Ok(24))]);
+}
+
+/// A task that does nothing but ask lets the others run, which may make the port master again.
+#[test]
+fn who_asks_in_vain_again_and_again_lets_others_run() {
+    let mut bench = Bench::new();
+    let (_, port) = open(&mut bench);
+    port.load(Register::Mode, 2).unwrap();
+    bench.run(2);
+    let client = port.client(CONFIG);
+    let mut context = Context::from_waker(Waker::noop());
+    for _ in 0..3 {
+        let mut cell = [0];
+        let mut asked = pin!(client.read_holding_registers(21, 0, &mut cell));
+        assert!(asked.as_mut().poll(&mut context).is_pending());
+        let refused = Poll::Ready(Err(ClientError::NotMaster));
+        assert_eq!(asked.as_mut().poll(&mut context), refused);
+    }
 }

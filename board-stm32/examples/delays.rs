@@ -26,11 +26,11 @@ const RS4: PortConfig = PortConfig::new("RS4")
 async fn change(line: &Usart, config: LineConfig) {
     let mut frame = line.lend().await;
     frame.adu()[..GREETING.len()].copy_from_slice(GREETING);
-    frame.release(GREETING.len() as u8);
+    let greeting = frame.release(GREETING.len() as u8);
     // It takes 3 ms, from t3.5 on, which is near.
     Timer::after(Duration::from_millis(1)).await;
     let _ = line.configure(config).await;
-    drop(frame);
+    drop(greeting);
     let _ = line.transmit(GREETING).await;
 }
 
@@ -56,8 +56,7 @@ async fn repeat(line: Usart) {
             fourth,
         ] = frame.bytes()[..len.into()]
         else {
-            frame.release(len);
-            frame.sent().await;
+            frame.release(len).sent().await;
             continue;
         };
         drop(frame);

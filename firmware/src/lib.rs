@@ -1,6 +1,6 @@
 //! Managed serial ports on Embassy, free of any chip.
 //!
-//! A board implements [`Line`](line::Line) for its USART; everything above it is here: the port with
+//! A board implements [`Line`] for its USART; everything above it is here: the port with
 //! its configuration, the task that takes frames from the line ([`receive()`]) and the task that
 //! answers them ([`serve()`]). The two share one `embassy_sync` channel. A board wraps both functions
 //! in `#[embassy_executor::task]`.
@@ -8,7 +8,7 @@
 //! Half duplex means one frame at a time: there is one buffer, owned by the line, and it is lent from
 //! the interrupt to the receive task, on to the serve task and back; nothing is copied.
 #![no_std]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod client;
 pub mod config;
@@ -33,7 +33,7 @@ pub mod yardstick;
 
 pub use client::{Client, ClientConfig, ClientError, ClientPort, client_receive};
 pub use config::PortConfig;
-pub use line::{Frame, InterCharacter, Line, LineConfig, Role};
+pub use line::{Frame, InterCharacter, Line, LineConfig, Released, Role};
 pub use managed::{ManagedPort, managed_receive, managed_run, managed_serve};
 pub use manager::Manager;
 pub use multidrop_protocol as protocol;

@@ -1,8 +1,8 @@
 //! The serve task: works out answers while a frame is provisional, carries out writes when it stands.
 
-use multidrop_protocol::server::{DataModel, Diagnostics, Plan};
+use multidrop_protocol::server::{DataModel, Diagnostics, Plan, Server};
 
-use crate::line::Line;
+use crate::line::{Line, Released};
 use crate::port::Port;
 use crate::shared::Shared;
 
@@ -21,26 +21,38 @@ pub async fn serve<L: Line, D: Diagnostics, M: DataModel>(
         let mut frame = port.requests.wait().await;
         let request_len = frame.request_len();
         let plan = model.with(|model| port.server.prepare(model, frame.adu(), request_len));
-        let early = plan.answer_at_once::<M>();
-        if early > 0 {
-            frame.release(early);
-        }
+        let mut answer = match plan.answer_at_once::<M>() {
+            0 => frame.hold(),
+            len => frame.release(len),
+        };
         if D::COUNTS || matches!(plan, Plan::Write { .. } | Plan::Call) {
-            if !frame.settle().await {
+            if !answer.settle().await {
                 continue;
             }
-            // An answer that was released is only read from here on.
-            let late =
-                model.with(|model| port.server.commit(model, frame.adu(), request_len, plan));
-            if early == 0 && late > 0 {
-                frame.release(late);
-            }
+            answer = conclude(&port.server, model, answer, request_len, plan);
         }
-        if !frame.sent().await && D::COUNTS && port.line.was_cut() {
+        if !answer.sent().await && D::COUNTS && port.line.was_cut() {
             port.server.cut_off();
         }
         if D::COUNTS {
             port.line.set_delimiter(port.server.delimiter());
         }
+    }
+}
+
+/// Does what was planned for a frame that stands. An answer that was released before is only read.
+#[inline(always)]
+pub(crate) fn conclude<'l, L: Line, D: Diagnostics, M: DataModel>(
+    server: &Server<D>,
+    model: &Shared<M>,
+    mut answer: Released<'l, L>,
+    request_len: u8,
+    plan: Plan,
+) -> Released<'l, L> {
+    let len = model.with(|model| server.conclude(model, answer.access(), request_len, plan));
+    match answer.reclaim() {
+        Ok(frame) if len > 0 => frame.release(len),
+        Ok(frame) => frame.hold(),
+        Err(answer) => answer,
     }
 }

@@ -28,12 +28,51 @@ fn rules(lists: &str) -> String {
     format!("rules! {{ pub struct Limits: \"RS4\"; {lists} }}")
 }
 
+/// Something done with frames of a line.
+fn frame(function: &str) -> String {
+    format!("use multidrop_firmware::line::{{Frame, Key, Lend, Line, Released}};\n{function}")
+}
+
 fn constant(type_name: &str, value: &str) -> String {
     format!("const _: {type_name} = {value};")
 }
 
 fn cases() -> Vec<Case> {
     vec![
+        (
+            "frame_is_released_once",
+            frame(
+                "async fn f<L: Line>(frame: Frame<'_, L>) { _ = frame.release(3); _ = frame.release(4); }",
+            ),
+            "use of moved value: `frame`",
+        ),
+        (
+            "frame_changes_after_release",
+            frame(
+                "async fn f<L: Line>(mut frame: Frame<'_, L>) { let mut answer = frame.release(5); frame.adu()[2] = 0; answer.sent().await; }",
+            ),
+            "borrow of moved value: `frame`",
+        ),
+        (
+            "released_frame_changes",
+            frame("fn f<L: Line>(mut answer: Released<'_, L>) { answer.adu()[2] = 0; }"),
+            "no method named `adu` found for struct `multidrop_firmware::Released<'l, L>` in the current scope",
+        ),
+        (
+            "line_is_no_lender",
+            frame("fn f<L: Line>(line: &L) { line.give_back(); }"),
+            "this method takes 1 argument but 0 arguments were supplied",
+        ),
+        (
+            "key_is_ours",
+            frame("fn f<L: Line>(line: &L) { line.give_back(Key(())); }"),
+            "cannot initialize a tuple struct which contains private fields",
+        ),
+        (
+            "frame_is_ours",
+            frame("fn f<'l, L: Line>(line: &'l L) -> Frame<'l, L> { Frame(line) }"),
+            "cannot initialize a tuple struct which contains private fields",
+        ),
         (
             "slave_id_0",
             port(".slave_id(0)"),

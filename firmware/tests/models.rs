@@ -1,14 +1,15 @@
 //! The data models of the images, address by address, and what a board tells of its start.
 
 use std::cell::{Cell, RefCell};
-use std::future::{Future, poll_fn};
+use std::future::Future;
 use std::pin::pin;
+use std::ptr::NonNull;
 use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
 use multidrop_firmware::demo_unit::DemoUnit;
 use multidrop_firmware::faults::{Asked, Failure, Faults, keep, use_up_stack};
-use multidrop_firmware::line::{Frame, Line, LineConfig, LineError};
+use multidrop_firmware::line::{Key, Lend, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::Adu;
 use multidrop_firmware::protocol::port_registers::Duplex;
 use multidrop_firmware::protocol::rtu::Flaws;
@@ -269,21 +270,44 @@ struct Buffer {
     may_be_lent: &'static Cell<bool>,
 }
 
-impl Line for Buffer {
-    async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
+// SAFETY: nothing is lent but the right to it.
+unsafe impl Lend for Buffer {
+    fn poll_received(&self, _: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
         unreachable!("it is not asked to")
     }
+
+    fn poll_lent(&self, _: &mut Context<'_>, _: Key) -> Poll<()> {
+        if !self.may_be_lent.get() {
+            return Poll::Pending;
+        }
+        assert!(!self.is_lent.replace(true), "lent twice");
+        Poll::Ready(())
+    }
+
+    fn buffer(&self, _: Key) -> NonNull<Adu> {
+        unreachable!("nobody looks at it")
+    }
+
+    fn release(&self, _: u8, _: Key) {
+        unreachable!("nothing is sent")
+    }
+
+    fn poll_settled(&self, _: &mut Context<'_>, _: Key) -> Poll<bool> {
+        unreachable!("nothing is heard")
+    }
+
+    fn poll_sent(&self, _: &mut Context<'_>, _: Key) -> Poll<bool> {
+        unreachable!("nothing is sent")
+    }
+
+    fn give_back(&self, _: Key) {
+        assert!(self.is_lent.replace(false), "given back twice");
+    }
+}
+
+impl Line for Buffer {
     async fn quiet(&self) -> Flaws {
         unreachable!("it is not asked to")
-    }
-    fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
-        poll_fn(|_| {
-            if !self.may_be_lent.get() {
-                return Poll::Pending;
-            }
-            assert!(!self.is_lent.replace(true), "lent twice");
-            Poll::Ready(Frame::new(self, Box::leak(Box::new([0; 256])), 0))
-        })
     }
     fn check(&self, _: &LineConfig) -> Result<(), LineError> {
         unreachable!("it is not asked to")
@@ -292,18 +316,6 @@ impl Line for Buffer {
         unreachable!("it is not asked to")
     }
     fn set_delimiter(&self, _: u8) {}
-    fn release(&self, _: u8) {
-        unreachable!("nothing is sent")
-    }
-    async fn settle(&self) -> bool {
-        unreachable!("nothing is heard")
-    }
-    async fn sent(&self) -> bool {
-        unreachable!("nothing is sent")
-    }
-    fn give_back(&self) {
-        assert!(self.is_lent.replace(false), "given back twice");
-    }
 }
 
 #[test]

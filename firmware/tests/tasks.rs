@@ -3,11 +3,12 @@
 //! Requests and answers are bytes of the standard and of spec examples, not made by our own codec.
 
 use std::cell::{Cell, RefCell};
-use std::future::{Future, poll_fn};
+use std::future::Future;
 use std::pin::Pin;
+use std::ptr::NonNull;
 use std::task::{Context, Poll, Waker};
 
-use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError, TransmitError};
+use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError, TransmitError};
 use multidrop_firmware::protocol::data::{Registers, RegistersOut};
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::registers::Bank;
@@ -35,9 +36,10 @@ struct Wire {
 /// A line without a chip. Its wire is leaked: it lives as long as the test.
 struct TestLine(&'static Wire);
 
-impl Line for TestLine {
-    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
-        poll_fn(|_| match self.0.heard.borrow_mut().take() {
+// SAFETY: what is lent is leaked, and lent once.
+unsafe impl Lend for TestLine {
+    fn poll_received(&self, _: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+        match self.0.heard.borrow_mut().take() {
             None => Poll::Pending,
             Some(Err(flaws)) => Poll::Ready(Err(flaws)),
             Some(Ok(bytes)) => {
@@ -45,25 +47,53 @@ impl Line for TestLine {
                 let adu = Box::leak(Box::new([0; 256]));
                 adu[..bytes.len()].copy_from_slice(&bytes);
                 self.0.lent_adu.set(adu);
-                Poll::Ready(Ok(Frame::new(self, adu, bytes.len() as u8)))
+                Poll::Ready(Ok(bytes.len() as u8))
             }
-        })
+        }
     }
 
+    fn poll_lent(&self, _: &mut Context<'_>, _: Key) -> Poll<()> {
+        if self.0.lent.replace(true) {
+            return Poll::Pending;
+        }
+        let adu = Box::leak(Box::new([0; 256]));
+        self.0.lent_adu.set(adu);
+        self.0.verdict.set(Some(true));
+        Poll::Ready(())
+    }
+
+    fn buffer(&self, _: Key) -> NonNull<Adu> {
+        NonNull::new(self.0.lent_adu.get()).expect("lent")
+    }
+
+    fn release(&self, len: u8, _: Key) {
+        assert!((2..=254).contains(&len), "length {len}");
+        self.0.released.set(len);
+        self.0.go();
+    }
+
+    fn poll_settled(&self, _: &mut Context<'_>, _: Key) -> Poll<bool> {
+        self.0.verdict.get().map_or(Poll::Pending, Poll::Ready)
+    }
+
+    fn poll_sent(&self, _: &mut Context<'_>, _: Key) -> Poll<bool> {
+        match (self.0.released.get(), self.0.verdict.get()) {
+            (1.., None) => Poll::Pending,
+            _ => Poll::Ready(self.0.whole.get()),
+        }
+    }
+
+    fn give_back(&self, _: Key) {
+        self.0.lent.set(false);
+        self.0.released.set(0);
+        self.0.verdict.set(None);
+        self.0.whole.set(false);
+    }
+}
+
+impl Line for TestLine {
     async fn quiet(&self) -> Flaws {
         Flaws::NONE
-    }
-
-    fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
-        poll_fn(|_| {
-            if self.0.lent.replace(true) {
-                return Poll::Pending;
-            }
-            let adu = Box::leak(Box::new([0; 256]));
-            self.0.lent_adu.set(adu);
-            self.0.verdict.set(Some(true));
-            Poll::Ready(Frame::new(self, adu, 0))
-        })
     }
 
     fn check(&self, _: &LineConfig) -> Result<(), LineError> {
@@ -78,30 +108,6 @@ impl Line for TestLine {
 
     fn was_cut(&self) -> bool {
         self.0.cut.get()
-    }
-
-    fn release(&self, len: u8) {
-        assert!((2..=254).contains(&len), "length {len}");
-        self.0.released.set(len);
-        self.0.go();
-    }
-
-    fn settle(&self) -> impl Future<Output = bool> {
-        poll_fn(|_| self.0.verdict.get().map_or(Poll::Pending, Poll::Ready))
-    }
-
-    fn sent(&self) -> impl Future<Output = bool> {
-        poll_fn(|_| match (self.0.released.get(), self.0.verdict.get()) {
-            (1.., None) => Poll::Pending,
-            _ => Poll::Ready(self.0.whole.get()),
-        })
-    }
-
-    fn give_back(&self) {
-        self.0.lent.set(false);
-        self.0.released.set(0);
-        self.0.verdict.set(None);
-        self.0.whole.set(false);
     }
 }
 

@@ -80,8 +80,7 @@ async fn repeat(line: Rs485) {
             }
             _ => {}
         }
-        frame.release(len);
-        frame.sent().await;
+        frame.release(len).sent().await;
     }
 }
 

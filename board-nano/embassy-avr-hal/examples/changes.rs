@@ -45,13 +45,13 @@ async fn repeat(line: Rs485, input: Input<PD3>) {
         if !frame.settle().await {
             continue;
         }
-        frame.release(len);
+        let mut answer = frame.release(len);
         let change = async {
             let Ok(()) = input.wait_for_falling_edge().await;
             now = 1 - now;
             let _ = line.configure(SETTINGS[now]).await;
         };
-        join(frame.sent(), change).await;
+        join(answer.sent(), change).await;
     }
 }
 

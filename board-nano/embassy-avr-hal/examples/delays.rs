@@ -36,8 +36,7 @@ async fn repeat(line: Rs485) {
         }
         let [_, SET_UP, lead_high, lead_low, delay_high, delay_low] = frame.bytes()[..len.into()]
         else {
-            frame.release(len);
-            frame.sent().await;
+            frame.release(len).sent().await;
             continue;
         };
         drop(frame);

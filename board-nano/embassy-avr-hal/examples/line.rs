@@ -41,8 +41,7 @@ async fn repeat(line: Rs485) {
             continue;
         }
         let [_, SET_UP, format, high, low, gap] = frame.bytes()[..len.into()] else {
-            frame.release(len);
-            frame.sent().await;
+            frame.release(len).sent().await;
             continue;
         };
         drop(frame);

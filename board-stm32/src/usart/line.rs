@@ -3,18 +3,19 @@
 use core::cell::Cell;
 use core::future::{Future, poll_fn};
 use core::marker::PhantomData;
+use core::ptr::NonNull;
 use core::task::{Context, Poll};
 
 use embassy_stm32::interrupt;
 use embassy_stm32::pac::Interrupt;
-use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
+use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::port_registers::{Duplex, Flow};
 use multidrop_firmware::protocol::rtu::Flaws;
 use multidrop_firmware::sniff::Ear;
 
 use super::registers;
 use super::settings::Settings;
-use super::state::{ADUS, SHARED, State};
+use super::state::{ADUS, AduCell, SHARED, State};
 use crate::platform;
 use crate::ports::{PORTS, WIRING};
 
@@ -75,6 +76,7 @@ pub(crate) fn no_frame_is_stuck(ms: u32, time_ms: u32) -> bool {
 
 /// The line of one port.
 pub struct Usart {
+    adu: &'static AduCell,
     port: u8,
     /// RTS and CTS are the port's.
     has_handshake: bool,
@@ -89,6 +91,7 @@ impl Usart {
     /// pins and all, until it is configured for another. To be called once for each port.
     pub(crate) fn open(port: usize, settings: Settings, baud: u32) -> Self {
         let line = Self {
+            adu: &ADUS[port],
             port: port as u8,
             has_handshake: settings.rts_cts,
             ear: Cell::new(None),
@@ -143,15 +146,6 @@ impl Usart {
         })
     }
 
-    /// The buffer as a frame. The machine has lent it just now.
-    fn frame(&self, len: u8) -> Frame<'_, Self> {
-        // SAFETY: until `give_back` the machine keeps interrupts from writing to the buffer, and everybody
-        // else from lending it. While an answer is sent the interrupt reads it; `Frame` forbids to change
-        // those bytes then.
-        let adu: &mut Adu = unsafe { &mut *ADUS[usize::from(self.port)].get() };
-        Frame::new(self, adu, len)
-    }
-
     fn settings(&self, config: &LineConfig) -> Result<Settings, LineError> {
         if config.flow == Flow::RtsCts && !self.has_handshake {
             return Err(LineError::Flow);
@@ -163,28 +157,43 @@ impl Usart {
     }
 }
 
+// SAFETY: the machine lends the port's one buffer once until `give_back`, and keeps interrupts from it meanwhile; only the
+// transmitter's interrupt reads it, after `release`.
+unsafe impl Lend for Usart {
+    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+        self.with(|state| {
+            state.chip.receiver.register(context.waker());
+            state.machine.fetch().map_or(Poll::Pending, Poll::Ready)
+        })
+    }
+
+    fn poll_lent(&self, context: &mut Context<'_>, _: Key) -> Poll<()> {
+        self.poll_user(context, |state| state.machine.take_buffer().then_some(()))
+    }
+
+    fn buffer(&self, _: Key) -> NonNull<Adu> {
+        self.adu.buffer()
+    }
+
+    fn release(&self, len: u8, _: Key) {
+        self.with(|state| state.machine.release(&mut state.chip, len));
+    }
+
+    fn poll_settled(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
+        self.poll_user(context, |state| state.machine.verdict())
+    }
+
+    fn poll_sent(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
+        self.poll_user(context, |state| state.machine.sent())
+    }
+
+    fn give_back(&self, _: Key) {
+        self.with(State::give_back);
+    }
+}
+
 impl Line for Usart {
     const HAS_NEIGHBOURS: bool = true;
-
-    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
-        poll_fn(|context| {
-            self.with(|state| {
-                state.chip.receiver.register(context.waker());
-                let heard = state.machine.fetch();
-                heard.map_or(Poll::Pending, |heard| {
-                    Poll::Ready(heard.map(|len| self.frame(len)))
-                })
-            })
-        })
-    }
-
-    fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
-        poll_fn(|context| {
-            self.poll_user(context, |state| {
-                state.machine.take_buffer().then(|| self.frame(0))
-            })
-        })
-    }
 
     fn quiet(&self) -> impl Future<Output = Flaws> {
         poll_fn(|context| self.poll_user(context, |state| state.machine.quiet(&mut state.chip)))
@@ -219,23 +228,7 @@ impl Line for Usart {
         }
     }
 
-    fn release(&self, len: u8) {
-        self.with(|state| state.machine.release(&mut state.chip, len));
-    }
-
-    fn settle(&self) -> impl Future<Output = bool> {
-        poll_fn(|context| self.poll_user(context, |state| state.machine.verdict()))
-    }
-
-    fn sent(&self) -> impl Future<Output = bool> {
-        poll_fn(|context| self.poll_user(context, |state| state.machine.sent()))
-    }
-
     fn was_cut(&self) -> bool {
         self.with(|state| state.machine.was_cut())
-    }
-
-    fn give_back(&self) {
-        self.with(State::give_back);
     }
 }

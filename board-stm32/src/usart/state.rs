@@ -4,6 +4,7 @@
 //! The interrupts of the line, which do not nest, and the futures, with interrupts off, are the only users.
 
 use core::cell::UnsafeCell;
+use core::ptr::NonNull;
 
 use embassy_sync::waitqueue::WakerRegistration;
 use multidrop_firmware::line::Adu;
@@ -28,6 +29,10 @@ pub(super) static ADUS: [AduCell; PORTS] =
 impl AduCell {
     pub fn get(&self) -> *mut Adu {
         self.0.get()
+    }
+
+    pub fn buffer(&self) -> NonNull<Adu> {
+        NonNull::from(&self.0).cast()
     }
 }
 

@@ -12,7 +12,7 @@ use super::time::now;
 use super::transaction::heard_bytes;
 use super::turns::{How, Turn, Turns, Wait};
 use super::{ClientConfig, ClientError};
-use crate::line::{Frame, Line};
+use crate::line::{Frame, Key, Line};
 use crate::slot::Slot;
 
 /// What was heard: a frame, lent and provisional, or what was wrong with one.
@@ -73,7 +73,7 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
 
     /// The frame that is kept came too late for a request; whether it stands says the line.
     fn poll_late(&self, line: &L, context: &mut Context<'_>) {
-        let Poll::Ready(stands) = pin!(line.settle()).poll(context) else {
+        let Poll::Ready(stands) = line.poll_settled(context, Key::THIS_CRATE) else {
             return;
         };
         self.expected.set(Expected::Nobodys);

@@ -17,12 +17,12 @@ use super::exchange::Expected;
 use super::time::{now, poll_over};
 use super::turns::{How, Turn, Wait};
 use super::{Client, ClientError};
-use crate::line::{Frame, Line};
+use crate::line::{Frame, Line, Released};
 
 /// An answer that stands, in the buffer of the line. As long as it lives the line hears nothing and nobody
 /// else can ask: read it, drop it, and do not keep it over an await.
 pub struct Reply<L: Line + 'static, const N: usize> {
-    frame: Frame<'static, L>,
+    frame: Released<'static, L>,
     // Dropped behind the frame: who has the turn next finds the buffer free.
     _turn: Turn<N>,
 }
@@ -30,7 +30,7 @@ pub struct Reply<L: Line + 'static, const N: usize> {
 impl<L: Line + 'static, const N: usize> Reply<L, N> {
     /// Unit id, function code and data.
     pub fn bytes(&self) -> &[u8] {
-        heard_bytes(&self.frame)
+        self.frame.text()
     }
 }
 
@@ -68,13 +68,11 @@ pub(crate) struct Run<'a, L: Line + 'static, const N: usize> {
     is_answered: bool,
     /// It is that of a started transaction, whose STATUS tells how far it is.
     is_started: bool,
-    /// Bytes that go out.
-    len: u8,
     unit: u8,
     function: u8,
     judged: Result<(), AnswerError>,
     /// What goes out, or was heard and does not stand yet.
-    frame: Option<Frame<'static, L>>,
+    frame: Option<Released<'static, L>>,
 }
 
 impl<L: Line + 'static, const N: usize> Client<L, N> {
@@ -124,7 +122,6 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
             is_timed: false,
             is_answered: false,
             is_started: false,
-            len: 0,
             unit,
             function: 0,
             judged: Ok(()),
@@ -173,10 +170,8 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
             self.leave(Stage::Turn, How::Parked, until);
             return Ok(());
         }
-        frame.release(encoded.len);
-        self.len = encoded.len;
         self.is_answered = encoded.answered;
-        self.frame = Some(frame);
+        self.frame = Some(frame.release(encoded.len));
         self.stage = Stage::Sending;
         Ok(())
     }
@@ -229,7 +224,7 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
             into.take(bytes.get(3..).unwrap_or(&[]));
         }
         let must_stand = self.client.exchange.is_owed(bytes);
-        self.frame = Some(frame);
+        self.frame = Some(frame.hold());
         match must_stand {
             true => Next::Wait,
             // It is nobody's answer.
@@ -244,7 +239,7 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
         let at = self.client.moment();
         let heard = match &self.frame {
             _ if !flaws.is_empty() => Heard::Damaged(flaws),
-            Some(frame) => Heard::Frame(heard_bytes(frame), self.judged),
+            Some(frame) => Heard::Frame(frame.text(), self.judged),
             None => Heard::Nothing,
         };
         let next = self.asking.heard(&mut exchange.debts(), heard, &at);
@@ -294,7 +289,7 @@ impl<L: Line + 'static, const N: usize> Future for Run<'_, L, N> {
                     if let Some(frame) = &mut run.frame {
                         let is_out = ready!(pin!(frame.sent()).poll(context));
                         if is_out {
-                            line.show(Ok(&frame.bytes()[..usize::from(run.len)]));
+                            line.show(Ok(frame.text()));
                         }
                         let was_cut = !is_out && line.was_cut();
                         run.frame = None;

@@ -7,7 +7,7 @@
 //! nothing of an old setting is on the wire with a new one.
 //!
 //! A slave answers with the port's own arrays; with a data model of the application where [`managed_serve`] stands in for
-//! [`managed_run`]; and for other units through a [router](crate::route).
+//! [`managed_run`]; and for other units through a [router](mod@crate::route).
 //!
 //! ```ignore
 //! const RS4: PortConfig = PortConfig::new("RS4").baud(38_400).slave_id(17);

@@ -19,9 +19,11 @@ use multidrop_protocol::server::{DataModel, Diagnostics, Plan};
 use super::{Failure, ManagedPort, Outcome, Started};
 use crate::client::Client;
 use crate::config::line_config;
-use crate::line::{Frame, Line, LineConfig};
+use crate::line::{Adu, Frame, Line, LineConfig};
 use crate::route::Gateway;
+use crate::serve::conclude;
 use crate::shared::Shared;
+use crate::sniff::Voice;
 
 /// Runs for ever: takes frames from the line and hands them to who they are for in the port's mode.
 ///
@@ -153,30 +155,18 @@ impl<L: Line, P, D: Diagnostics, const N: usize> ManagedPort<L, P, D, N> {
         }
     }
 
-    /// Sends that: some text, or the answer to a routed request.
-    async fn say(&self, frame: &mut Frame<'static, L>) {
-        let voice = self.voice.filter(|_| self.is_sniffer());
-        let len = match (voice, self.router) {
-            (Some(voice), _) => voice.text(frame.adu()),
-            (None, Some(router)) => router.answer(frame.adu()),
-            (None, None) => 0,
-        };
-        if len > 0 {
-            frame.release(len);
-            // Whoever talks instead of waiting for an answer has given it up; text is said again.
-            if frame.sent().await
-                && let Some(voice) = voice
-            {
-                voice.spoken(len);
-            }
-        }
+    /// What the port says of itself, if it is a sniffer that prints.
+    fn voice(&self) -> Option<&'static dyn Voice> {
+        self.voice.filter(|_| self.is_sniffer())
     }
 
-    /// Shows what a sniffer hears, if it stands. What does not is heard again as a damaged frame.
-    async fn sniff(&self, frame: &mut Frame<'static, L>) {
-        if frame.settle().await {
-            let len = usize::from(frame.request_len());
-            self.line.show(Ok(&frame.bytes()[..len]));
+    /// Puts into `adu` what is to be sent unasked: some text, or the answer to a routed request. Gives its length, 0 for nothing.
+    #[inline(never)]
+    fn say(&self, adu: &mut Adu) -> u8 {
+        match (self.voice(), self.router) {
+            (Some(voice), _) => voice.text(adu),
+            (None, Some(router)) => router.answer(adu),
+            (None, None) => 0,
         }
     }
 }
@@ -246,7 +236,8 @@ where
         }
     }
 
-    /// A request is answered, as [`serve`](crate::serve()) does, or handed to the router.
+    /// A request is answered, as [`serve`](crate::serve()) does, or handed to the router; a sniffer shows what it hears; an empty frame
+    /// is filled and sent.
     fn attend<M: DataModel>(
         &self,
         model: &Shared<M>,
@@ -254,32 +245,50 @@ where
     ) -> impl Future<Output = ()> {
         async move {
             let request_len = frame.request_len();
-            if L::HAS_NEIGHBOURS && request_len == 0 {
-                return self.say(&mut frame).await;
-            }
-            if self.is_sniffer() {
-                return self.sniff(&mut frame).await;
-            }
-            let router = self.router_to(frame.unit());
-            let plan = model.with(|model| self.server.prepare(model, frame.adu(), request_len));
-            let early = plan.answer_at_once::<M>();
-            if early > 0 {
-                frame.release(early);
-            }
-            if D::COUNTS || router.is_some() || matches!(plan, Plan::Write { .. } | Plan::Call) {
-                if !frame.settle().await {
+            let is_own = L::HAS_NEIGHBOURS && request_len == 0;
+            let is_heard = !is_own && self.is_sniffer();
+            let mut router = None;
+            let mut plan = Plan::Ignore;
+            let early = if is_own {
+                self.say(frame.adu())
+            } else if is_heard {
+                0
+            } else {
+                router = self.router_to(frame.unit());
+                plan = model.with(|model| self.server.prepare(model, frame.adu(), request_len));
+                plan.answer_at_once::<M>()
+            };
+            let mut answer = match early {
+                0 if is_own => return,
+                0 => frame.hold(),
+                len => frame.release(len),
+            };
+            let must_stand = is_heard
+                || D::COUNTS
+                || router.is_some()
+                || matches!(plan, Plan::Write { .. } | Plan::Call);
+            if must_stand && !is_own {
+                if !answer.settle().await {
                     return;
                 }
-                let late =
-                    model.with(|model| self.server.commit(model, frame.adu(), request_len, plan));
-                if early == 0 && late > 0 {
-                    frame.release(late);
+                if is_heard {
+                    // What does not stand is heard again as a damaged frame.
+                    return self.line.show(Ok(answer.text()));
                 }
+                answer = conclude(&self.server, model, answer, request_len, plan);
                 if let Some(router) = router {
-                    return router.ask(&frame.bytes()[..usize::from(request_len)]);
+                    return router.ask(&answer.bytes()[..usize::from(request_len)]);
                 }
             }
-            if !frame.sent().await && D::COUNTS && self.line.was_cut() {
+            let is_out = answer.sent().await;
+            if is_own {
+                // Whoever talks instead of waiting for an answer has given it up; text is said again.
+                if is_out && let Some(voice) = self.voice() {
+                    voice.spoken(early);
+                }
+                return;
+            }
+            if !is_out && D::COUNTS && self.line.was_cut() {
                 self.server.cut_off();
             }
             if D::COUNTS {

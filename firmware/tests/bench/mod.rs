@@ -6,13 +6,14 @@ use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::future::{Future, poll_fn};
 use std::pin::Pin;
+use std::ptr::NonNull;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Wake, Waker};
 
 use embassy_time::{Duration, MockDriver};
-use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
+use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::format::Framing;
 use multidrop_firmware::protocol::port_registers::Flow;
 use multidrop_firmware::protocol::rtu::Flaws;
@@ -159,41 +160,85 @@ impl Wire {
     }
 }
 
+// SAFETY: what is lent is leaked, and lent once.
+unsafe impl<const HAS_NEIGHBOURS: bool> Lend for TestLine<HAS_NEIGHBOURS> {
+    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+        self.0.receiver.borrow_mut().push(context.waker().clone());
+        let bytes = match self.0.come.borrow_mut().pop_front() {
+            None => return Poll::Pending,
+            Some(Err(flaws)) => return Poll::Ready(Err(flaws)),
+            Some(Ok(bytes)) => bytes,
+        };
+        let adu = Box::leak(Box::new([0xEE; 256]));
+        adu[..bytes.len()].copy_from_slice(&bytes);
+        assert_eq!(self.0.lent.replace(Some(adu)), None, "heard while lent");
+        self.0.verdict.set(None);
+        self.0.settles.set(Some(self.0.now.get() + SETTLES));
+        Poll::Ready(Ok(bytes.len() as u8))
+    }
+
+    fn poll_lent(&self, context: &mut Context<'_>, _: Key) -> Poll<()> {
+        self.0.user.borrow_mut().push(context.waker().clone());
+        if self.0.lent.get().is_some() || self.0.settles.get().is_some() {
+            return Poll::Pending;
+        }
+        let adu = Box::leak(Box::new([0xEE; 256]));
+        self.0.lent.set(Some(adu));
+        self.0.verdict.set(Some(true));
+        Poll::Ready(())
+    }
+
+    fn buffer(&self, _: Key) -> NonNull<Adu> {
+        NonNull::new(self.0.lent.get().expect("lent")).expect("leaked")
+    }
+
+    fn release(&self, len: u8, _: Key) {
+        assert!((1..=254).contains(&len), "length {len}");
+        if let Some(was_cut) = self.0.loses.take() {
+            self.0.lost.set(true);
+            self.0.was_cut.set(was_cut);
+            return;
+        }
+        self.0.released.set(len);
+        if self.0.verdict.get() == Some(true) {
+            self.0.start();
+        }
+    }
+
+    fn poll_settled(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
+        self.0.user.borrow_mut().push(context.waker().clone());
+        self.0.verdict.get().map_or(Poll::Pending, Poll::Ready)
+    }
+
+    fn poll_sent(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
+        if self.0.lost.take() {
+            return Poll::Ready(false);
+        }
+        self.0.user.borrow_mut().push(context.waker().clone());
+        match self.0.released.get() > 0 || self.0.sending.borrow().is_some() {
+            true => Poll::Pending,
+            false => Poll::Ready(true),
+        }
+    }
+
+    fn give_back(&self, _: Key) {
+        let was_lent = self.0.lent.take().is_some();
+        let is_cut = self.0.sending.take().is_some();
+        // A test that fails elsewhere drops what is under way.
+        if !std::thread::panicking() {
+            assert!(was_lent, "given back twice");
+            assert!(!is_cut, "cut off");
+        }
+        self.0.released.set(0);
+        wake(&self.0.user);
+    }
+}
+
 impl<const HAS_NEIGHBOURS: bool> Line for TestLine<HAS_NEIGHBOURS> {
     const HAS_NEIGHBOURS: bool = HAS_NEIGHBOURS;
 
-    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
-        poll_fn(|context| {
-            self.0.receiver.borrow_mut().push(context.waker().clone());
-            let bytes = match self.0.come.borrow_mut().pop_front() {
-                None => return Poll::Pending,
-                Some(Err(flaws)) => return Poll::Ready(Err(flaws)),
-                Some(Ok(bytes)) => bytes,
-            };
-            let adu = Box::leak(Box::new([0xEE; 256]));
-            adu[..bytes.len()].copy_from_slice(&bytes);
-            assert_eq!(self.0.lent.replace(Some(adu)), None, "heard while lent");
-            self.0.verdict.set(None);
-            self.0.settles.set(Some(self.0.now.get() + SETTLES));
-            Poll::Ready(Ok(Frame::new(self, adu, bytes.len() as u8)))
-        })
-    }
-
     async fn quiet(&self) -> Flaws {
         Flaws::NONE
-    }
-
-    fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
-        poll_fn(|context| {
-            self.0.user.borrow_mut().push(context.waker().clone());
-            if self.0.lent.get().is_some() || self.0.settles.get().is_some() {
-                return Poll::Pending;
-            }
-            let adu = Box::leak(Box::new([0xEE; 256]));
-            self.0.lent.set(Some(adu));
-            self.0.verdict.set(Some(true));
-            Poll::Ready(Frame::new(self, adu, 0))
-        })
     }
 
     fn check(&self, config: &LineConfig) -> Result<(), LineError> {
@@ -235,53 +280,8 @@ impl<const HAS_NEIGHBOURS: bool> Line for TestLine<HAS_NEIGHBOURS> {
         }
     }
 
-    fn release(&self, len: u8) {
-        assert!((1..=254).contains(&len), "length {len}");
-        if let Some(was_cut) = self.0.loses.take() {
-            self.0.lost.set(true);
-            self.0.was_cut.set(was_cut);
-            return;
-        }
-        self.0.released.set(len);
-        if self.0.verdict.get() == Some(true) {
-            self.0.start();
-        }
-    }
-
     fn was_cut(&self) -> bool {
         self.0.was_cut.get()
-    }
-
-    fn settle(&self) -> impl Future<Output = bool> {
-        poll_fn(|context| {
-            self.0.user.borrow_mut().push(context.waker().clone());
-            self.0.verdict.get().map_or(Poll::Pending, Poll::Ready)
-        })
-    }
-
-    fn sent(&self) -> impl Future<Output = bool> {
-        poll_fn(|context| {
-            if self.0.lost.take() {
-                return Poll::Ready(false);
-            }
-            self.0.user.borrow_mut().push(context.waker().clone());
-            match self.0.released.get() > 0 || self.0.sending.borrow().is_some() {
-                true => Poll::Pending,
-                false => Poll::Ready(true),
-            }
-        })
-    }
-
-    fn give_back(&self) {
-        let was_lent = self.0.lent.take().is_some();
-        let is_cut = self.0.sending.take().is_some();
-        // A test that fails elsewhere drops what is under way.
-        if !std::thread::panicking() {
-            assert!(was_lent, "given back twice");
-            assert!(!is_cut, "cut off");
-        }
-        self.0.released.set(0);
-        wake(&self.0.user);
     }
 }
 

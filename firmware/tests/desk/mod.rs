@@ -9,13 +9,14 @@ use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::future::{Future, poll_fn};
 use std::pin::Pin;
+use std::ptr::NonNull;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Wake, Waker};
 
 use embassy_time::{Duration, MockDriver};
-use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
+use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::rtu::Flaws;
 use multidrop_firmware::{ClientPort, client_receive};
 
@@ -158,33 +159,88 @@ fn register(place: &RefCell<Option<Waker>>, context: &Context<'_>) {
     }
 }
 
+// SAFETY: what is lent is leaked, and lent once.
+unsafe impl Lend for TestLine {
+    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+        *self.0.receiver.borrow_mut() = Some(context.waker().clone());
+        let (bytes, stands) = match self.0.come.borrow_mut().pop_front() {
+            None => return Poll::Pending,
+            Some(Heard::Damaged(flaws)) => return Poll::Ready(Err(flaws)),
+            Some(Heard::Frame(bytes)) => (bytes, true),
+            Some(Heard::Void(bytes)) => (bytes, false),
+            Some(Heard::Talk(_) | Heard::Long(..)) => unreachable!("not a frame"),
+        };
+        if self.0.lent.replace(true) {
+            // Nowhere to put it.
+            return Poll::Ready(Err(Flaws::OVERRUN));
+        }
+        let adu = Box::leak(Box::new([0xEE; 256]));
+        adu[..bytes.len()].copy_from_slice(&bytes);
+        self.0.adu.set(Some(adu));
+        self.0.verdict.set(None);
+        self.0
+            .settles
+            .set(Some((self.0.now.get() + SETTLES, stands)));
+        Poll::Ready(Ok(bytes.len() as u8))
+    }
+
+    fn poll_lent(&self, context: &mut Context<'_>, _: Key) -> Poll<()> {
+        register(&self.0.user, context);
+        if !self.0.is_silent() || self.0.lent.get() || self.0.settles.get().is_some() {
+            return Poll::Pending;
+        }
+        self.0.lent.set(true);
+        self.0.verdict.set(Some(true));
+        let adu = Box::leak(Box::new([0xEE; 256]));
+        self.0.adu.set(Some(adu));
+        Poll::Ready(())
+    }
+
+    fn buffer(&self, _: Key) -> NonNull<Adu> {
+        NonNull::new(self.0.adu.get().expect("lent")).expect("leaked")
+    }
+
+    fn release(&self, len: u8, _: Key) {
+        assert!((2..=254).contains(&len), "length {len}");
+        let interrupt = self.0.interrupts.borrow_mut().pop_front().unwrap_or(0);
+        if interrupt > 0 {
+            self.0.withheld.set(true);
+            self.0.busy_until.set(self.0.now.get() + interrupt);
+            return;
+        }
+        let adu = self.0.adu.get().expect("lent");
+        // SAFETY: leaked, and not changed after it was released.
+        let bytes = unsafe { &*adu }[..usize::from(len)].to_vec();
+        *self.0.sending.borrow_mut() = Some((self.0.now.get(), bytes));
+    }
+
+    fn poll_settled(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
+        register(&self.0.user, context);
+        self.0.verdict.get().map_or(Poll::Pending, Poll::Ready)
+    }
+
+    fn poll_sent(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
+        register(&self.0.user, context);
+        if self.0.withheld.take() {
+            return Poll::Ready(false);
+        }
+        match &*self.0.sending.borrow() {
+            Some(_) => Poll::Pending,
+            None => Poll::Ready(true),
+        }
+    }
+
+    fn give_back(&self, _: Key) {
+        assert!(self.0.lent.replace(false), "given back twice");
+        self.0.adu.set(None);
+        if self.0.sending.take().is_some() {
+            self.0.cut.set(self.0.cut.get() + 1);
+        }
+    }
+}
+
 impl Line for TestLine {
     const HAS_NEIGHBOURS: bool = true;
-
-    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
-        poll_fn(|context| {
-            *self.0.receiver.borrow_mut() = Some(context.waker().clone());
-            let (bytes, stands) = match self.0.come.borrow_mut().pop_front() {
-                None => return Poll::Pending,
-                Some(Heard::Damaged(flaws)) => return Poll::Ready(Err(flaws)),
-                Some(Heard::Frame(bytes)) => (bytes, true),
-                Some(Heard::Void(bytes)) => (bytes, false),
-                Some(Heard::Talk(_) | Heard::Long(..)) => unreachable!("not a frame"),
-            };
-            if self.0.lent.replace(true) {
-                // Nowhere to put it.
-                return Poll::Ready(Err(Flaws::OVERRUN));
-            }
-            let adu = Box::leak(Box::new([0xEE; 256]));
-            adu[..bytes.len()].copy_from_slice(&bytes);
-            self.0.adu.set(Some(adu));
-            self.0.verdict.set(None);
-            self.0
-                .settles
-                .set(Some((self.0.now.get() + SETTLES, stands)));
-            Poll::Ready(Ok(Frame::new(self, adu, bytes.len() as u8)))
-        })
-    }
 
     fn quiet(&self) -> impl Future<Output = Flaws> {
         poll_fn(|context| {
@@ -194,20 +250,6 @@ impl Line for TestLine {
                 true => Poll::Pending,
                 false => Poll::Ready(Flaws::NONE),
             }
-        })
-    }
-
-    fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
-        poll_fn(|context| {
-            register(&self.0.user, context);
-            if !self.0.is_silent() || self.0.lent.get() || self.0.settles.get().is_some() {
-                return Poll::Pending;
-            }
-            self.0.lent.set(true);
-            self.0.verdict.set(Some(true));
-            let adu = Box::leak(Box::new([0xEE; 256]));
-            self.0.adu.set(Some(adu));
-            Poll::Ready(Frame::new(self, adu, 0))
         })
     }
 
@@ -224,48 +266,6 @@ impl Line for TestLine {
     fn show(&self, seen: Result<&[u8], Flaws>) {
         let seen = seen.expect("a good frame").to_vec();
         self.0.shown.borrow_mut().push((self.0.now.get(), seen));
-    }
-
-    fn release(&self, len: u8) {
-        assert!((2..=254).contains(&len), "length {len}");
-        let interrupt = self.0.interrupts.borrow_mut().pop_front().unwrap_or(0);
-        if interrupt > 0 {
-            self.0.withheld.set(true);
-            self.0.busy_until.set(self.0.now.get() + interrupt);
-            return;
-        }
-        let adu = self.0.adu.get().expect("lent");
-        // SAFETY: leaked, and not changed after it was released.
-        let bytes = unsafe { &*adu }[..usize::from(len)].to_vec();
-        *self.0.sending.borrow_mut() = Some((self.0.now.get(), bytes));
-    }
-
-    fn settle(&self) -> impl Future<Output = bool> {
-        poll_fn(|context| {
-            register(&self.0.user, context);
-            self.0.verdict.get().map_or(Poll::Pending, Poll::Ready)
-        })
-    }
-
-    fn sent(&self) -> impl Future<Output = bool> {
-        poll_fn(|context| {
-            register(&self.0.user, context);
-            if self.0.withheld.take() {
-                return Poll::Ready(false);
-            }
-            match &*self.0.sending.borrow() {
-                Some(_) => Poll::Pending,
-                None => Poll::Ready(true),
-            }
-        })
-    }
-
-    fn give_back(&self) {
-        assert!(self.0.lent.replace(false), "given back twice");
-        self.0.adu.set(None);
-        if self.0.sending.take().is_some() {
-            self.0.cut.set(self.0.cut.get() + 1);
-        }
     }
 }
 

@@ -308,12 +308,24 @@ impl<D: Diagnostics> Server<D> {
 
     /// Does what [`prepare`](Server::prepare) planned for the request of `request_len` bytes in `frame`, once the frame
     /// stands, and returns the length of the answer in it: 3..=254 bytes of unit id and PDU, or 0 to say nothing.
-    ///
-    /// Where [`Plan::answer_at_once`] has a length the frame is left untouched, so the answer may be on its way already.
+    #[inline(always)]
     pub fn commit<M: DataModel>(
         &self,
         model: &mut M,
         frame: &mut Adu,
+        request_len: u8,
+        plan: Plan,
+    ) -> u8 {
+        self.conclude(model, Access::Owned(frame), request_len, plan)
+    }
+
+    /// [`commit`](Server::commit), also for a request whose answer may be on its way already: one of which
+    /// [`Plan::answer_at_once`] has the length.
+    #[inline(never)]
+    pub fn conclude<M: DataModel>(
+        &self,
+        model: &mut M,
+        mut frame: Access<'_>,
         request_len: u8,
         plan: Plan,
     ) -> u8 {
@@ -328,6 +340,7 @@ impl<D: Diagnostics> Server<D> {
                 0
             }
             Plan::Answer { len } => {
+                let frame = frame.read();
                 if D::COUNTS && len == EXCEPTION_LEN && frame[1] & function::EXCEPTION_BIT != 0 {
                     refused = Exception::from_code(frame[2]);
                 }
@@ -335,23 +348,48 @@ impl<D: Diagnostics> Server<D> {
             }
             Plan::Diagnose { len } => len,
             Plan::Write { len } => {
-                let written = write(model, frame);
+                let written = write(model, frame.read());
                 if M::WRITES_MAY_FAIL {
                     refused = written.err();
                 }
-                match written {
-                    Err(exception) if M::WRITES_MAY_FAIL && len != 0 => refuse(frame, exception),
+                match (written, &mut frame) {
+                    (Err(exception), Access::Owned(frame)) if M::WRITES_MAY_FAIL && len != 0 => {
+                        refuse(frame, exception)
+                    }
                     _ => len,
                 }
             }
             Plan::Call => {
+                let Access::Owned(frame) = &mut frame else {
+                    return 0;
+                };
                 let outcome = call(model, frame, request_len);
                 refused = outcome.err();
                 functions::answer(frame, outcome)
             }
         };
-        self.diagnostics.completed(frame, plan, answer_len, refused);
+        self.diagnostics
+            .completed(frame.read(), plan, answer_len, refused);
         answer_len
+    }
+}
+
+/// What may be done with a frame.
+#[derive(Debug)]
+pub enum Access<'a> {
+    /// Everything.
+    Owned(&'a mut Adu),
+    /// It is being sent.
+    Released(&'a Adu),
+}
+
+impl Access<'_> {
+    #[inline(always)]
+    fn read(&self) -> &Adu {
+        match self {
+            Access::Owned(frame) => frame,
+            Access::Released(frame) => frame,
+        }
     }
 }
 

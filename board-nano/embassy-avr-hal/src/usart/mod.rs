@@ -33,9 +33,10 @@ mod state;
 
 use core::future::{Future, poll_fn};
 use core::marker::PhantomData;
+use core::ptr::NonNull;
 use core::task::{Context, Poll};
 
-use multidrop_firmware::line::{Adu, Frame, Line, LineConfig, LineError};
+use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::port_registers::Duplex;
 use multidrop_firmware::protocol::rtu::Flaws;
 
@@ -152,24 +153,6 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
             true
         }
     }
-
-    /// Takes the buffer once it is free and the wire silent, or about to be.
-    fn poll_buffer(&self, context: &Context) -> Poll<Frame<'_, Self>> {
-        executor::USER.register(context.waker());
-        match with(|state| state.machine.take_buffer()) {
-            true => Poll::Ready(self.frame(0)),
-            false => Poll::Pending,
-        }
-    }
-
-    /// The buffer as a frame. The machine has lent it just now.
-    fn frame(&self, len: u8) -> Frame<'_, Self> {
-        // SAFETY: until `give_back` the machine keeps interrupts from writing to the buffer, and everybody
-        // else from lending it. While an answer is sent the interrupt reads it; `Frame`
-        // forbids to change those bytes then.
-        let adu: &mut Adu = unsafe { &mut *state::ADU.get() };
-        Frame::new(self, adu, len)
-    }
 }
 
 // Not inlined: one copy of each serves every await of the tasks. The waker is registered first: what comes
@@ -232,23 +215,49 @@ fn release<DE: DriverEnable, F: Framings>(len: u8) {
     });
 }
 
+// SAFETY: the machine lends the one buffer once until `give_back`, and keeps interrupts from it meanwhile; only `on_ready`
+// reads it, after `release`.
+unsafe impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Lend for Usart0<DE, CLOCK_HZ, F> {
+    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+        poll_heard(context)
+    }
+
+    fn poll_lent(&self, context: &mut Context<'_>, _: Key) -> Poll<()> {
+        executor::USER.register(context.waker());
+        match with(|state| state.machine.take_buffer()) {
+            true => Poll::Ready(()),
+            false => Poll::Pending,
+        }
+    }
+
+    fn buffer(&self, _: Key) -> NonNull<Adu> {
+        state::ADU.buffer()
+    }
+
+    fn release(&self, len: u8, _: Key) {
+        release::<DE, F>(len);
+    }
+
+    fn poll_settled(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
+        poll_settle(context)
+    }
+
+    fn poll_sent(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
+        poll_sent(context)
+    }
+
+    fn give_back(&self, _: Key) {
+        give_back::<DE, F>();
+    }
+}
+
 impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLOCK_HZ, F> {
     fn may_be(&self, duplex: Duplex) -> bool {
         !DE::IS_ONE_PAIR || duplex == Duplex::Half
     }
 
-    async fn receive(&self) -> Result<Frame<'_, Self>, Flaws> {
-        poll_fn(|context| poll_heard(context))
-            .await
-            .map(|len| self.frame(len))
-    }
-
     fn quiet(&self) -> impl Future<Output = Flaws> {
         poll_fn(|context| poll_quiet::<DE, F>(context))
-    }
-
-    fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
-        poll_fn(|context| self.poll_buffer(context))
     }
 
     fn check(&self, config: &LineConfig) -> Result<(), LineError> {
@@ -276,24 +285,8 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLO
         }
     }
 
-    fn release(&self, len: u8) {
-        release::<DE, F>(len);
-    }
-
-    fn settle(&self) -> impl Future<Output = bool> {
-        poll_fn(|context| poll_settle(context))
-    }
-
-    fn sent(&self) -> impl Future<Output = bool> {
-        poll_fn(|context| poll_sent(context))
-    }
-
     fn was_cut(&self) -> bool {
         with(|state| state.machine.was_cut())
-    }
-
-    fn give_back(&self) {
-        give_back::<DE, F>();
     }
 }
 

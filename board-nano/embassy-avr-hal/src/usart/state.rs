@@ -4,6 +4,7 @@
 //! Four interrupts and the futures, with interrupts off, are the only users.
 
 use core::cell::UnsafeCell;
+use core::ptr::NonNull;
 use core::marker::PhantomData;
 
 use multidrop_firmware::line::Adu;
@@ -29,6 +30,10 @@ pub(super) static ADU: AduCell = AduCell(UnsafeCell::new([0; 256]));
 impl AduCell {
     pub fn get(&self) -> *mut Adu {
         self.0.get()
+    }
+
+    pub fn buffer(&self) -> NonNull<Adu> {
+        NonNull::from(&self.0).cast()
     }
 }
 

@@ -12,8 +12,11 @@
 //! An ASCII frame ends with a character instead of a silence: it stands as soon as it is complete.
 //! Answers start at t3.5 all the same, so that whoever asked has time to take its driver off the bus.
 
-use core::future::Future;
+mod lend;
 
+use core::future::{Future, poll_fn};
+
+pub use lend::{Frame, Key, Lend, Released};
 pub use multidrop_protocol::Adu;
 use multidrop_protocol::format::{Framing, LineFormat};
 pub use multidrop_protocol::port_registers::InterCharacter;
@@ -90,11 +93,10 @@ pub enum TransmitError {
 
 /// One serial line of a board, half duplex.
 ///
-/// Methods below the heading of [`Frame`] are called through it only. Implementations are shared
-/// between two tasks of one executor: at most one future of each method exists at a time.
-pub trait Line: Sized {
+/// Implementations are shared between two tasks of one executor: at most one task waits for each of them at a time.
+pub trait Line: Lend + Sized {
     /// Whether the board has other lines beside it. If so a [managed port](crate::managed) on it may be a sniffer, and
-    /// may have a [router](crate::route). What is for that costs nothing where not.
+    /// may have a [router](mod@crate::route). What is for that costs nothing where not.
     const HAS_NEIGHBOURS: bool = false;
 
     /// Waits for the next frame with a good CRC or LRC and lends it, provisional (see the module). No
@@ -106,7 +108,9 @@ pub trait Line: Sized {
     ///
     /// # Cancellation
     /// Safe: the frame stays with the line until the next call.
-    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>>;
+    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
+        poll_fn(|context| Frame::poll_received(self, context))
+    }
 
     /// Waits until no frame is coming in that may be a good one: at once if none has begun. Gives what is wrong with one that is
     /// still coming in, nothing if there is none.
@@ -117,13 +121,15 @@ pub trait Line: Sized {
 
     /// Waits until the buffer is free and the wire silent, or about to be, and lends the buffer to send
     /// from. What is [released](Frame::release) starts at t3.5 after the last character heard, at once
-    /// if that has passed, and not at all if somebody has begun to talk: [`Frame::sent`] tells.
+    /// if that has passed, and not at all if somebody has begun to talk: [`Released::sent`] tells.
     ///
     /// While the buffer is lent nothing can be received into it.
     ///
     /// # Cancellation
     /// Safe: nothing is lent until the future completes.
-    fn lend(&self) -> impl Future<Output = Frame<'_, Self>>;
+    fn lend(&self) -> impl Future<Output = Frame<'_, Self>> {
+        poll_fn(|context| Frame::poll_lent(self, context))
+    }
 
     /// Sends `bytes` (unit id, function code, data: 2..=254 bytes) as a frame: not before t3.5 after
     /// the last character heard, DE up, characters without a gap, DE down. Waits for those who begin to
@@ -143,8 +149,7 @@ pub trait Line: Sized {
             loop {
                 let mut frame = self.lend().await;
                 frame.adu()[..len].copy_from_slice(bytes);
-                frame.release(len as u8);
-                if frame.sent().await {
+                if frame.release(len as u8).sent().await {
                     return Ok(());
                 }
             }
@@ -185,89 +190,10 @@ pub trait Line: Sized {
         let _ = seen;
     }
 
-    /// [`Frame::release`].
-    fn release(&self, len: u8);
-
-    /// [`Frame::settle`].
-    fn settle(&self) -> impl Future<Output = bool>;
-
-    /// [`Frame::sent`].
-    fn sent(&self) -> impl Future<Output = bool>;
-
-    /// Behind [`sent`](Line::sent) that was false: whether what was released had begun and was cut off, since the peer did not
+    /// Behind [`sent`](Released::sent) that was false: whether what was released had begun and was cut off, since the peer did not
     /// let it be sent ([`LineConfig::cts_timeout_ms`]) or the transmitter did not come to its end. By default a line does
     /// not find that out.
     fn was_cut(&self) -> bool {
         false
-    }
-
-    /// The frame was dropped: the buffer is the line's again, an answer that has not started is
-    /// withdrawn, one that has is cut off after the character in flight.
-    fn give_back(&self);
-}
-
-/// A frame lent by its line. Dropping it gives the buffer back.
-pub struct Frame<'l, L: Line> {
-    line: &'l L,
-    adu: &'l mut Adu,
-    len: u8,
-}
-
-impl<'l, L: Line> Frame<'l, L> {
-    /// For implementations of [`Line::receive`]: `len` bytes of unit id, function code and data; of
-    /// [`Line::lend`]: 0.
-    pub fn new(line: &'l L, adu: &'l mut Adu, len: u8) -> Self {
-        Self { line, adu, len }
-    }
-
-    /// Number of bytes of unit id, function code and data: 2..=254, 0 in a buffer lent to send from.
-    pub fn request_len(&self) -> u8 {
-        self.len
-    }
-
-    /// The unit id that the frame is addressed to.
-    pub fn unit(&self) -> u8 {
-        self.adu[0]
-    }
-
-    /// The buffer, to read.
-    pub fn bytes(&self) -> &Adu {
-        self.adu
-    }
-
-    /// The buffer: the request in its first [`request_len`](Self::request_len) bytes, to be replaced
-    /// by the answer.
-    pub fn adu(&mut self) -> &mut Adu {
-        self.adu
-    }
-
-    /// Hands the first `len` bytes of the buffer (2..=254, of text 1..=254) to the transmitter. It starts at t3.5 if
-    /// the frame stands, at once if t3.5 has passed and nobody is talking, and not at all if the frame
-    /// is void. From here on these bytes must not be changed.
-    pub fn release(&mut self, len: u8) {
-        self.line.release(len);
-    }
-
-    /// Waits for t3.5: true if the frame stands, false as soon as a late character has voided it.
-    ///
-    /// # Cancellation
-    /// Safe: the verdict stays with the line.
-    pub fn settle(&mut self) -> impl Future<Output = bool> {
-        self.line.settle()
-    }
-
-    /// Waits until what was released is on the wire whole and DE is down: true. False as soon as it is
-    /// known that it will not be: nothing was released, the frame is void, or somebody has begun to talk.
-    ///
-    /// # Cancellation
-    /// Safe. Dropping the frame itself cuts the answer off after the character in flight.
-    pub fn sent(&mut self) -> impl Future<Output = bool> {
-        self.line.sent()
-    }
-}
-
-impl<L: Line> Drop for Frame<'_, L> {
-    fn drop(&mut self) {
-        self.line.give_back();
     }
 }

@@ -1,0 +1,241 @@
+//! The buffer of a line as it is lent: who may change its bytes, and until when.
+//!
+//! All that is unsafe about a frame is here. A [`Frame`] and a [`Released`] are made here alone, each for one time that the
+//! line has lent its buffer, and what only they may ask of a line takes a [`Key`], which only this crate has.
+#![allow(unsafe_code)]
+
+use core::future::{Future, poll_fn};
+use core::marker::PhantomData;
+use core::ptr::NonNull;
+use core::task::{Context, Poll};
+
+use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::server::Access;
+
+use super::{Adu, Line};
+
+/// Shows a line that it is asked by this crate: others cannot make one.
+#[derive(Clone, Copy)]
+pub struct Key(());
+
+impl Key {
+    /// For this crate, which keeps the order that [`Line`] demands.
+    pub(crate) const THIS_CRATE: Key = Key(());
+}
+
+/// What a line does for the frames that it lends: for chips to write, and for frames to call, which have the [`Key`].
+///
+/// # Safety
+/// A line has one buffer. It is lent when [`poll_received`](Lend::poll_received) gives a length or
+/// [`poll_lent`](Lend::poll_lent) is ready, and neither happens again before [`give_back`](Lend::give_back). While it is lent
+/// nothing is written to it, and nothing read before [`release`](Lend::release).
+pub unsafe trait Lend {
+    /// For [`receive`](Line::receive): how long the frame is that is lent by this, 2..=254.
+    ///
+    /// # Errors
+    /// As `receive`.
+    fn poll_received(&self, context: &mut Context<'_>, key: Key) -> Poll<Result<u8, Flaws>>;
+
+    /// For [`lend`](Line::lend): the buffer is lent by this.
+    fn poll_lent(&self, context: &mut Context<'_>, key: Key) -> Poll<()>;
+
+    /// The buffer.
+    fn buffer(&self, key: Key) -> NonNull<Adu>;
+
+    /// [`Frame::release`].
+    fn release(&self, len: u8, key: Key);
+
+    /// [`Frame::settle`].
+    fn poll_settled(&self, context: &mut Context<'_>, key: Key) -> Poll<bool>;
+
+    /// [`Released::sent`].
+    fn poll_sent(&self, context: &mut Context<'_>, key: Key) -> Poll<bool>;
+
+    /// The frame was dropped: the buffer is the line's again, an answer that has not started is
+    /// withdrawn, one that has is cut off after the character in flight.
+    fn give_back(&self, key: Key);
+}
+
+/// The buffer, lent once. Dropping it gives it back.
+struct Lent<'l, L: Line> {
+    line: &'l L,
+    len: u8,
+    _adu: PhantomData<&'l mut Adu>,
+}
+
+impl<'l, L: Line> Lent<'l, L> {
+    /// # Safety
+    /// The line has lent its buffer just now, and not to anybody else.
+    #[inline(always)]
+    unsafe fn new(line: &'l L, len: u8) -> Self {
+        Self {
+            line,
+            len,
+            _adu: PhantomData,
+        }
+    }
+
+    #[inline(always)]
+    fn adu(&self) -> &Adu {
+        // SAFETY: it is lent to this, so that nobody writes to it; the line may read it, to send it.
+        unsafe { self.line.buffer(Key(())).as_ref() }
+    }
+}
+
+impl<L: Line> Drop for Lent<'_, L> {
+    fn drop(&mut self) {
+        self.line.give_back(Key(()));
+    }
+}
+
+/// A frame lent by its line. Dropping it gives the buffer back.
+///
+/// Its bytes may be changed until it is [released](Frame::release):
+///
+/// ```compile_fail,E0382
+/// use multidrop_firmware::{Frame, Line};
+///
+/// async fn answer<L: Line>(mut frame: Frame<'_, L>) {
+///     let mut answer = frame.release(5);
+///     frame.adu()[2] = 0; // It may be on the wire already.
+///     answer.sent().await;
+/// }
+/// ```
+///
+/// Nobody but a line lends one, and nobody but this gives it back.
+pub struct Frame<'l, L: Line>(Lent<'l, L>);
+
+impl<'l, L: Line> Frame<'l, L> {
+    /// What [`Line::receive`] gives.
+    #[inline(always)]
+    pub(super) fn poll_received(
+        line: &'l L,
+        context: &mut Context<'_>,
+    ) -> Poll<Result<Frame<'l, L>, Flaws>> {
+        line.poll_received(context, Key(()))
+            // SAFETY: a line that gives a length has lent its buffer with it.
+            .map_ok(|len| Frame(unsafe { Lent::new(line, len) }))
+    }
+
+    /// What [`Line::lend`] gives.
+    #[inline(always)]
+    pub(super) fn poll_lent(line: &'l L, context: &mut Context<'_>) -> Poll<Frame<'l, L>> {
+        line.poll_lent(context, Key(()))
+            // SAFETY: as above.
+            .map(|()| Frame(unsafe { Lent::new(line, 0) }))
+    }
+
+    /// Number of bytes of unit id, function code and data: 2..=254, 0 in a buffer lent to send from.
+    pub fn request_len(&self) -> u8 {
+        self.0.len
+    }
+
+    /// The unit id that the frame is addressed to.
+    pub fn unit(&self) -> u8 {
+        self.0.adu()[0]
+    }
+
+    /// The buffer, to read.
+    pub fn bytes(&self) -> &Adu {
+        self.0.adu()
+    }
+
+    /// The buffer: the request in its first [`request_len`](Self::request_len) bytes, to be replaced
+    /// by the answer.
+    #[inline(always)]
+    pub fn adu(&mut self) -> &mut Adu {
+        // SAFETY: it is lent to this, and the line does not read it before it is released.
+        unsafe { self.0.line.buffer(Key(())).as_mut() }
+    }
+
+    /// Hands the first `len` bytes of the buffer (2..=254, of text 1..=254) to the transmitter. It starts at t3.5 if
+    /// the frame stands, at once if t3.5 has passed and nobody is talking, and not at all if the frame
+    /// is void.
+    #[inline(always)]
+    pub fn release(self, len: u8) -> Released<'l, L> {
+        self.0.line.release(len, Key(()));
+        let mut lent = self.0;
+        lent.len = len;
+        Released {
+            lent,
+            is_released: true,
+        }
+    }
+
+    /// Waits with the frame before anything of it is sent: [`reclaim`](Released::reclaim) gives it again.
+    #[inline(always)]
+    pub fn hold(self) -> Released<'l, L> {
+        Released {
+            lent: self.0,
+            is_released: false,
+        }
+    }
+
+    /// Waits for t3.5: true if the frame stands, false as soon as a late character has voided it.
+    ///
+    /// # Cancellation
+    /// Safe: the verdict stays with the line.
+    pub fn settle(&mut self) -> impl Future<Output = bool> {
+        poll_fn(|context| self.0.line.poll_settled(context, Key(())))
+    }
+}
+
+/// A frame whose bytes are on the wire, or may be: it can be read and waited for. Dropping it cuts an answer off after the
+/// character in flight, and gives the buffer back.
+#[must_use = "what is dropped is not sent"]
+pub struct Released<'l, L: Line> {
+    lent: Lent<'l, L>,
+    is_released: bool,
+}
+
+impl<'l, L: Line> Released<'l, L> {
+    /// The buffer, to read.
+    pub fn bytes(&self) -> &Adu {
+        self.lent.adu()
+    }
+
+    /// Bytes of unit id, function code and data that were released; of the frame that was heard, if none were.
+    #[inline(always)]
+    pub fn text(&self) -> &[u8] {
+        &self.lent.adu()[..usize::from(self.lent.len)]
+    }
+
+    /// What may be done with the buffer: everything as long as nothing was released.
+    #[inline(always)]
+    pub fn access(&mut self) -> Access<'_> {
+        match self.is_released {
+            true => Access::Released(self.lent.adu()),
+            // SAFETY: it is lent to this, and the line does not read it before it is released.
+            false => Access::Owned(unsafe { self.lent.line.buffer(Key(())).as_mut() }),
+        }
+    }
+
+    /// The frame again, if nothing of it was released.
+    ///
+    /// # Errors
+    /// This, if something was.
+    #[inline(always)]
+    pub fn reclaim(self) -> Result<Frame<'l, L>, Released<'l, L>> {
+        match self.is_released {
+            true => Err(self),
+            false => Ok(Frame(self.lent)),
+        }
+    }
+
+    /// Waits for t3.5: true if the frame stands, false as soon as a late character has voided it.
+    ///
+    /// # Cancellation
+    /// Safe: the verdict stays with the line.
+    pub fn settle(&mut self) -> impl Future<Output = bool> {
+        poll_fn(|context| self.lent.line.poll_settled(context, Key(())))
+    }
+
+    /// Waits until what was released is on the wire whole and DE is down: true. False as soon as it is
+    /// known that it will not be: nothing was released, the frame is void, or somebody has begun to talk.
+    ///
+    /// # Cancellation
+    /// Safe. Dropping this cuts the answer off after the character in flight.
+    pub fn sent(&mut self) -> impl Future<Output = bool> {
+        poll_fn(|context| self.lent.line.poll_sent(context, Key(())))
+    }
+}

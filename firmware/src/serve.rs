@@ -29,7 +29,7 @@ pub async fn serve<L: Line, D: Diagnostics, M: DataModel>(
             if !answer.settle().await {
                 continue;
             }
-            answer = conclude(&port.server, model, answer, request_len, plan);
+            conclude(&port.server, model, &mut answer, request_len, plan);
         }
         if !answer.sent().await && D::COUNTS && port.line.was_cut() {
             port.server.cut_off();
@@ -42,17 +42,13 @@ pub async fn serve<L: Line, D: Diagnostics, M: DataModel>(
 
 /// Does what was planned for a frame that stands. An answer that was released before is only read.
 #[inline(always)]
-pub(crate) fn conclude<'l, L: Line, D: Diagnostics, M: DataModel>(
+pub(crate) fn conclude<L: Line, D: Diagnostics, M: DataModel>(
     server: &Server<D>,
     model: &Shared<M>,
-    mut answer: Released<'l, L>,
+    answer: &mut Released<'_, L>,
     request_len: u8,
     plan: Plan,
-) -> Released<'l, L> {
+) {
     let len = model.with(|model| server.conclude(model, answer.access(), request_len, plan));
-    match answer.reclaim() {
-        Ok(frame) if len > 0 => frame.release(len),
-        Ok(frame) => frame.hold(),
-        Err(answer) => answer,
-    }
+    answer.release(len);
 }

@@ -179,7 +179,11 @@ mod running {
     /// the watchdog's time, which is two halves, and the half in which it was lent.
     #[inline(always)]
     pub fn half_is_over(half: u16, is_lent: bool, longest: u16) -> bool {
-        let lent = if is_lent { LENT.0.get() + half } else { 0 };
+        // `frame_is_back` has set it to 0.
+        if !is_lent {
+            return true;
+        }
+        let lent = LENT.0.get() + half;
         LENT.0.set(lent);
         lent <= longest + half * 3
     }

@@ -30,7 +30,7 @@ pub struct Reply<L: Line + 'static, const N: usize> {
 impl<L: Line + 'static, const N: usize> Reply<L, N> {
     /// Unit id, function code and data.
     pub fn bytes(&self) -> &[u8] {
-        self.frame.text()
+        self.frame.heard()
     }
 }
 
@@ -68,6 +68,8 @@ pub(crate) struct Run<'a, L: Line + 'static, const N: usize> {
     is_answered: bool,
     /// It is that of a started transaction, whose STATUS tells how far it is.
     is_started: bool,
+    /// Bytes that go out.
+    len: u8,
     unit: u8,
     function: u8,
     judged: Result<(), AnswerError>,
@@ -122,6 +124,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
             is_timed: false,
             is_answered: false,
             is_started: false,
+            len: 0,
             unit,
             function: 0,
             judged: Ok(()),
@@ -170,6 +173,7 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
             self.leave(Stage::Turn, How::Parked, until);
             return Ok(());
         }
+        self.len = encoded.len;
         self.is_answered = encoded.answered;
         self.frame = Some(frame.release(encoded.len));
         self.stage = Stage::Sending;
@@ -239,7 +243,7 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
         let at = self.client.moment();
         let heard = match &self.frame {
             _ if !flaws.is_empty() => Heard::Damaged(flaws),
-            Some(frame) => Heard::Frame(frame.text(), self.judged),
+            Some(frame) => Heard::Frame(frame.heard(), self.judged),
             None => Heard::Nothing,
         };
         let next = self.asking.heard(&mut exchange.debts(), heard, &at);
@@ -289,7 +293,7 @@ impl<L: Line + 'static, const N: usize> Future for Run<'_, L, N> {
                     if let Some(frame) = &mut run.frame {
                         let is_out = ready!(pin!(frame.sent()).poll(context));
                         if is_out {
-                            line.show(Ok(frame.text()));
+                            line.show(Ok(&frame.bytes()[..usize::from(run.len)]));
                         }
                         let was_cut = !is_out && line.was_cut();
                         run.frame = None;

@@ -154,15 +154,13 @@ impl<'l, L: Line> Frame<'l, L> {
     #[inline(always)]
     pub fn release(self, len: u8) -> Released<'l, L> {
         self.0.line.release(len, Key(()));
-        let mut lent = self.0;
-        lent.len = len;
         Released {
-            lent,
+            lent: self.0,
             is_released: true,
         }
     }
 
-    /// Waits with the frame before anything of it is sent: [`reclaim`](Released::reclaim) gives it again.
+    /// Waits with the frame before anything of it is sent: [`access`](Released::access) says what may be done with it.
     #[inline(always)]
     pub fn hold(self) -> Released<'l, L> {
         Released {
@@ -194,9 +192,9 @@ impl<'l, L: Line> Released<'l, L> {
         self.lent.adu()
     }
 
-    /// Bytes of unit id, function code and data that were released; of the frame that was heard, if none were.
+    /// Unit id, function code and data of the frame that was heard; nothing of a buffer that was lent to send from.
     #[inline(always)]
-    pub fn text(&self) -> &[u8] {
+    pub fn heard(&self) -> &[u8] {
         &self.lent.adu()[..usize::from(self.lent.len)]
     }
 
@@ -210,15 +208,12 @@ impl<'l, L: Line> Released<'l, L> {
         }
     }
 
-    /// The frame again, if nothing of it was released.
-    ///
-    /// # Errors
-    /// This, if something was.
+    /// [`Frame::release`] for a frame that was [held](Frame::hold). Nothing if `len` is 0, or something was released before.
     #[inline(always)]
-    pub fn reclaim(self) -> Result<Frame<'l, L>, Released<'l, L>> {
-        match self.is_released {
-            true => Err(self),
-            false => Ok(Frame(self.lent)),
+    pub fn release(&mut self, len: u8) {
+        if len > 0 && !self.is_released {
+            self.is_released = true;
+            self.lent.line.release(len, Key(()));
         }
     }
 

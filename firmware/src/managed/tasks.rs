@@ -273,9 +273,9 @@ where
                 }
                 if is_heard {
                     // What does not stand is heard again as a damaged frame.
-                    return self.line.show(Ok(answer.text()));
+                    return self.line.show(Ok(answer.heard()));
                 }
-                answer = conclude(&self.server, model, answer, request_len, plan);
+                conclude(&self.server, model, &mut answer, request_len, plan);
                 if let Some(router) = router {
                     return router.ask(&answer.bytes()[..usize::from(request_len)]);
                 }

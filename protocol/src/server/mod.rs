@@ -321,7 +321,6 @@ impl<D: Diagnostics> Server<D> {
 
     /// [`commit`](Server::commit), also for a request whose answer may be on its way already: one of which
     /// [`Plan::answer_at_once`] has the length.
-    #[inline(never)]
     pub fn conclude<M: DataModel>(
         &self,
         model: &mut M,

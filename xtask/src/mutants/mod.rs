@@ -91,16 +91,22 @@ pub fn run(request: &MutantsRequest) -> Result<(), Error> {
             Some(revision) => sample::Which::Since(revision),
             None => sample::Which::Sample(request.sample.unwrap_or(100), request.seed),
         };
-        scores.sample = sample::run(which)?;
-        scores.seed = request.seed;
+        let score = sample::run(which)?;
+        if request.since.is_none() {
+            scores.sample = score;
+            scores.seed = request.seed;
+        }
+        if request.record {
+            keep(&scores)?;
+        }
     }
     println!("\nthe kept list: {} faults", chosen.len());
-    let (score, unseen) = plant(&chosen)?;
+    let copies = copies()?;
+    run_without(&copies, &chosen)?;
+    let (score, unseen) = plant(&copies, &chosen)?;
     scores.kept = score;
-    if request.record && request.since.is_none() {
-        let path = repo::root().join(KEPT);
-        let text = serde_json::to_string_pretty(&scores).expect("plain numbers") + "\n";
-        fs::write(&path, text).map_err(|error| Error::io(path.display(), error))?;
+    if request.record {
+        keep(&scores)?;
     }
     for name in &unseen {
         println!("not caught: {name}");
@@ -121,6 +127,12 @@ pub fn summary() -> String {
     )
 }
 
+fn keep(scores: &Scores) -> Result<(), Error> {
+    let path = repo::root().join(KEPT);
+    let text = serde_json::to_string_pretty(scores).expect("plain numbers") + "\n";
+    fs::write(&path, text).map_err(|error| Error::io(path.display(), error))
+}
+
 fn recorded() -> Scores {
     fs::read_to_string(repo::root().join(KEPT))
         .ok()
@@ -138,29 +150,35 @@ pub fn plant_on_host() -> Result<usize, Error> {
         .into_iter()
         .filter(|fault| fault.test.is_on_host())
         .collect();
-    let (score, unseen) = plant(&on_host)?;
+    // `test` has just run the tests without a fault.
+    let (score, unseen) = plant(&copies()?, &on_host)?;
     match unseen.is_empty() {
         true => Ok(score.tried),
         false => Err(Error::failed(format!("not caught: {}", unseen.join("; ")))),
     }
 }
 
-/// Plants each, and gives the names of those that no test saw.
-fn plant(faults: &[Fault]) -> Result<(Score, Vec<String>), Error> {
-    let copies = (0..AT_A_TIME)
-        .map(Copy::new)
-        .collect::<Result<Vec<_>, _>>()?;
-    // A test that fails anyway sees nothing.
+fn copies() -> Result<Vec<Copy>, Error> {
+    (0..AT_A_TIME).map(Copy::new).collect()
+}
+
+/// Runs the tests of these faults without any: one that fails anyway sees nothing.
+fn run_without(copies: &[Copy], faults: &[Fault]) -> Result<(), Error> {
     let tests: BTreeSet<_> = faults.iter().map(|fault| fault.test.clone()).collect();
     let tests: Vec<_> = tests.into_iter().collect();
-    let broken = side_by_side(&copies, &tests, |copy, test| {
+    let broken = side_by_side(copies, &tests, |copy, test| {
         let verdict = copy.run(test)?;
         Ok((verdict != Verdict::Passed).then(|| format!("{test:?}: {verdict:?} without a fault")))
     })?;
-    if !broken.is_empty() {
-        return Err(Error::failed(broken.join("\n")));
+    match broken.is_empty() {
+        true => Ok(()),
+        false => Err(Error::failed(broken.join("\n"))),
     }
-    let unseen = side_by_side(&copies, faults, |copy, fault| {
+}
+
+/// Plants each, and gives the names of those that no test saw.
+fn plant(copies: &[Copy], faults: &[Fault]) -> Result<(Score, Vec<String>), Error> {
+    let unseen = side_by_side(copies, faults, |copy, fault| {
         let verdict = copy.try_fault(fault)?;
         println!("{verdict:?}: {}", fault.name);
         let caught = matches!(verdict, Verdict::Failed | Verdict::Hung);

@@ -6,6 +6,7 @@ use multidrop_protocol::exception::Exception;
 use multidrop_protocol::registers::within;
 use multidrop_protocol::server::DataModel;
 
+// ANCHOR: model
 /// The register, and what shows it.
 pub struct DemoUnit<S> {
     outputs: u16,
@@ -75,3 +76,4 @@ impl<S: FnMut(u16) + 'static> DataModel for DemoUnit<S> {
         Ok(())
     }
 }
+// ANCHOR_END: model

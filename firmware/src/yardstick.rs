@@ -5,11 +5,13 @@ use multidrop_protocol::exception::Exception;
 use multidrop_protocol::registers::{Bank, CoilBank, within};
 use multidrop_protocol::server::DataModel;
 
+// ANCHOR: bank
 /// Holding registers and coils are kept; inputs follow from their address.
 pub struct Yardstick<const COUNT: usize, const BYTES: usize> {
     registers: Bank<COUNT>,
     coils: CoilBank<BYTES>,
 }
+// ANCHOR_END: bank
 
 impl<const COUNT: usize, const BYTES: usize> Yardstick<COUNT, BYTES> {
     /// All 0 and off. `BYTES` is what `COUNT` coils take.
@@ -49,9 +51,11 @@ impl<const COUNT: usize, const BYTES: usize> DataModel for Yardstick<COUNT, BYTE
         Ok(())
     }
 
+    // ANCHOR: read
     fn holding_registers(&mut self, first: u16, out: RegistersOut<'_>) -> Result<(), Exception> {
         self.registers.read(first, out)
     }
+    // ANCHOR_END: read
 
     fn input_registers(&mut self, first: u16, mut out: RegistersOut<'_>) -> Result<(), Exception> {
         within(first, out.len() as u16, COUNT as u16)?;
@@ -63,9 +67,11 @@ impl<const COUNT: usize, const BYTES: usize> DataModel for Yardstick<COUNT, BYTE
         self.coils.check(first, values)
     }
 
+    // ANCHOR: handed_on
     fn check_registers(&self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
         self.registers.check(first, values)
     }
+    // ANCHOR_END: handed_on
 
     fn write_coils(&mut self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
         self.coils.write(first, values)

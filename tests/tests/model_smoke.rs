@@ -6,6 +6,7 @@ use multidrop_bus::{Line, Station, Time};
 
 #[test]
 fn a_node_echoes_over_the_wire() {
+    // ANCHOR: transact
     let (mut bus, node, host) = support::one("echo", &[], Line::n81(38_400));
     bus.run_for(Time::from_ms(1));
     let answer = bus
@@ -13,6 +14,7 @@ fn a_node_echoes_over_the_wire() {
         .expect("an answer");
     assert_eq!(answer.bytes, [0x42]);
     assert!(answer.is_clean());
+    // ANCHOR_END: transact
     assert!(
         bus.record().bytes().iter().all(|byte| byte.is_good()),
         "{}",

@@ -28,7 +28,7 @@ const EDGES: &str = "port_d";
 const UNITS: [u8; 3] = [1, 2, 3];
 
 /// Where the figures are shown, from the root of the repository.
-const README: &str = "README.md";
+const GUIDE: &str = "docs/src/figures.md";
 
 /// The same of the server on the host.
 const KEPT_HOST: &str = "figures/host.json";
@@ -179,7 +179,7 @@ fn measured(builder: &Builder, board: Board) -> Result<Command, Error> {
     bench.arg(compiler(builder.toolchain(), board));
     let kept = format!("figures/{}.json", word(board));
     bench.arg("--kept").arg(near(&kept));
-    bench.arg("--readme").arg(near(README));
+    bench.arg("--guide").arg(near(GUIDE));
     for (option, images) in [("--image", images), ("--flashed", flashed)] {
         for (name, image) in images {
             let elf = builder.build(&image)?;

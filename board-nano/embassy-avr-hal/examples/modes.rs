@@ -27,6 +27,7 @@ use static_cell::StaticCell;
 
 const CLOCK_HZ: u32 = 16_000_000;
 
+// ANCHOR: port
 const RS4: PortConfig = PortConfig::new("RS4")
     .slave_id(1)
     .baud(38_400)
@@ -39,10 +40,12 @@ const COUNT: usize = 4;
 
 type Rs485 = Usart0<PD2, CLOCK_HZ, RtuAndAscii>;
 type Port = ManagedPort<Rs485, PortRegisters<Bank<COUNT>, NoCoils, NoRules>>;
+// ANCHOR_END: port
 
 bind_usart0!(Rs485);
 bind_time!(CLOCK_HZ);
 
+// ANCHOR: tasks
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
     managed_receive(port).await
@@ -52,6 +55,7 @@ async fn receive(port: &'static Port) -> ! {
 async fn run(port: &'static Port) -> ! {
     managed_serve(port, &Shared::new(Cells(port))).await
 }
+// ANCHOR_END: tasks
 
 /// What a slave tells: the port's registers, to be read. The server of all that the port itself has does not fit in beside the rest.
 struct Cells(&'static Port);
@@ -64,6 +68,7 @@ impl DataModel for Cells {
     }
 }
 
+// ANCHOR: ask
 /// Starts what the registers describe; as a slave it is refused.
 #[embassy_executor::task]
 async fn ask(port: &'static Port, mut well: Output<PB1>, mut badly: Output<PB2>) -> ! {
@@ -78,6 +83,7 @@ async fn ask(port: &'static Port, mut well: Output<PB1>, mut badly: Output<PB2>)
         };
     }
 }
+// ANCHOR_END: ask
 
 /// What the pins ask for.
 #[derive(Clone, Copy, PartialEq)]
@@ -87,6 +93,7 @@ struct Wanted {
     fast: bool,
 }
 
+// ANCHOR: load
 fn load(port: &Port, wanted: Wanted) -> Result<(), Refused> {
     if wanted.master {
         port.load(Register::Mode, 0)?;
@@ -105,6 +112,7 @@ fn load(port: &Port, wanted: Wanted) -> Result<(), Refused> {
     }
     port.load(Register::Baud, if wanted.fast { 115_200 } else { 38_400 })
 }
+// ANCHOR_END: load
 
 #[embassy_executor::task]
 async fn switch(

@@ -14,6 +14,7 @@ use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::registers::{NoRules, Rules};
 use multidrop_firmware::protocol::rules;
 
+// ANCHOR: rules
 rules! {
     /// 20 rules on values, 8 valid ranges and 4 that can be disabled.
     struct Rules32: "RS4";
@@ -44,6 +45,7 @@ rules! {
     }
     DISABLE_REG { 100..=109, 120..=125, 140..=149, 200..=255 }
 }
+// ANCHOR_END: rules
 
 rules! {
     /// 32 rules on values, eight of which are for two registers of the block each.

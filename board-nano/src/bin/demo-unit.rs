@@ -11,6 +11,7 @@ use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::{Port, PortConfig, Roll, Shared, signed};
 use static_cell::StaticCell;
 
+// ANCHOR: node
 // Everything there is to set. A value that cannot work does not compile.
 const PORT: PortConfig = PortConfig::new("RS4")
     .slave_id(options::unit(1))
@@ -43,7 +44,9 @@ async fn serve(port: &'static Port<Rs485>) -> ! {
     )
     .await
 }
+// ANCHOR_END: node
 
+// ANCHOR: main
 #[avr_device::entry]
 fn main() -> ! {
     let chip = board_nano::init(Dog::TIME);
@@ -64,3 +67,4 @@ fn main() -> ! {
         spawner.spawn(serve(port).unwrap());
     })
 }
+// ANCHOR_END: main

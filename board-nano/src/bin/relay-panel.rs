@@ -28,6 +28,7 @@ use multidrop_firmware::protocol::format::LineFormat;
 use multidrop_firmware::{Client, ClientConfig, ClientError, ClientPort, PortConfig, Roll, signed};
 use static_cell::StaticCell;
 
+// ANCHOR: port
 /// The slave id is that of the unit that is asked.
 const PORT: PortConfig = PortConfig::new("RS4")
     .client()
@@ -38,6 +39,7 @@ const PORT: PortConfig = PortConfig::new("RS4")
 /// 70 % of the poll and less, as iDevOS has it.
 const TOGGLE_ONCE: ClientConfig = ClientConfig::new().timeout_ms(150).late_guard_ms(50);
 const READ: ClientConfig = TOGGLE_ONCE.retries(1);
+// ANCHOR_END: port
 
 const POLL: Duration = Duration::from_millis(250);
 const ERROR_SHOWN: Duration = Duration::from_millis(500);
@@ -72,6 +74,7 @@ struct Panel {
 }
 
 impl Panel {
+    // ANCHOR: read
     /// Reads the state of the relays and shows it.
     async fn update(&self) -> Result<[bool; COUNT], ClientError> {
         let mut registers = [0; COUNT];
@@ -86,6 +89,7 @@ impl Panel {
         let Ok(()) = leds.1.set_state(on[1].into());
         Ok(on)
     }
+    // ANCHOR_END: read
 
     /// Toggles a relay, once.
     async fn toggle(&self, relay: usize) -> Result<(), ClientError> {
@@ -112,6 +116,7 @@ impl Panel {
     }
 }
 
+// ANCHOR: receive
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
     signed(
@@ -120,6 +125,7 @@ async fn receive(port: &'static Port) -> ! {
     )
     .await
 }
+// ANCHOR_END: receive
 
 #[embassy_executor::task]
 async fn poll(panel: &'static Panel) -> ! {
@@ -207,6 +213,7 @@ fn main() -> ! {
         const { settings(&PORT) },
     );
 
+    // ANCHOR: main
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line));
     static PANEL: StaticCell<Panel> = StaticCell::new();
@@ -217,6 +224,7 @@ fn main() -> ! {
         pressed: Signal::new(),
         failed: Signal::new(),
     });
+    // ANCHOR_END: main
     let first = Input::new(pins.PD3, true);
     let second = Input::new(pins.PD4, true);
     let led = Output::new(pins.PB5, false);

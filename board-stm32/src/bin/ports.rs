@@ -40,6 +40,7 @@ use multidrop_firmware::{
 };
 use static_cell::{ConstStaticCell, StaticCell};
 
+// ANCHOR: table
 const PORTS: [PortConfig; 4] = manager::table([
     PortConfig::new("AS1")
         .slave_id(10)
@@ -61,6 +62,7 @@ const PORTS: [PortConfig; 4] = manager::table([
         .baud(38_400)
         .format(LineFormat::F8N1),
 ]);
+// ANCHOR_END: table
 
 /// How long RS4 waits for a unit at first, and what the printer takes for one's answer.
 const TIMEOUT_MS: u32 = 50;
@@ -202,6 +204,7 @@ async fn poll(port: &'static Rs4, polled: &'static Polled) -> ! {
     .await
 }
 
+// ANCHOR: routes
 /// Leads from these units to 1, 2 and 3 on RS4.
 fn routes(rs4: &'static Rs4, units: [u8; 3]) -> [Route<Usart, ASKERS>; 3] {
     let through = rs4.client_as_set();
@@ -211,6 +214,7 @@ fn routes(rs4: &'static Rs4, units: [u8; 3]) -> [Route<Usart, ASKERS>; 3] {
         through,
     })
 }
+// ANCHOR_END: routes
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -224,14 +228,17 @@ fn main() -> ! {
     info!("ports: AS1, AS2, RS2, RS4");
 
     static TAP: ConstStaticCell<Tap<384>> = ConstStaticCell::new(Tap::within_ms(TIMEOUT_MS));
+    // ANCHOR: scan
     static POLLED: ConstStaticCell<Polled> = ConstStaticCell::new(Scan::new([
         Entry::holding_registers(1, 0, 1).period_ms(100),
         Entry::holding_registers(2, 0, 1).period_ms(100),
         Entry::holding_registers(3, 0, 1).period_ms(100),
     ]));
+    // ANCHOR_END: scan
     let tap: &'static _ = TAP.take();
     let polled: &'static _ = POLLED.take();
 
+    // ANCHOR: tap
     static RS4: StaticCell<Rs4> = StaticCell::new();
     let rs4: &'static _ = RS4.init(ManagedPort::with(
         lines.3.shown_to(tap),
@@ -243,7 +250,9 @@ fn main() -> ! {
     static RS2: StaticCell<Rs2> = StaticCell::new();
     let rs2 = ManagedPort::new(lines.2, &PORTS[2], PORTS[2].bank(), NoCoils);
     let rs2: &'static _ = RS2.init(rs2.voiced(tap));
+    // ANCHOR_END: tap
 
+    // ANCHOR: router
     static AS2_ROUTES: StaticCell<[Route<Usart, ASKERS>; 3]> = StaticCell::new();
     static AS2_ROUTER: StaticCell<To> = StaticCell::new();
     static AS2: StaticCell<As2> = StaticCell::new();
@@ -251,6 +260,7 @@ fn main() -> ! {
     let (bank, coils) = (PORTS[1].bank(), PORTS[1].coil_bank(16));
     let as2 = ManagedPort::new(lines.1, &PORTS[1], bank, coils);
     let as2: &'static _ = AS2.init(as2.routed(as2_router));
+    // ANCHOR_END: router
 
     static AS1_ROUTES: StaticCell<[Route<Usart, ASKERS>; 3]> = StaticCell::new();
     static AS1_ROUTER: StaticCell<To> = StaticCell::new();

@@ -157,6 +157,7 @@ impl Usart {
     }
 }
 
+// ANCHOR: lend
 // SAFETY: the machine lends the port's one buffer once until `give_back`, and keeps interrupts from it meanwhile; only the
 // transmitter's interrupt reads it, after `release`.
 unsafe impl Lend for Usart {
@@ -191,6 +192,7 @@ unsafe impl Lend for Usart {
         self.with(State::give_back);
     }
 }
+// ANCHOR_END: lend
 
 impl Line for Usart {
     const HAS_NEIGHBOURS: bool = true;

@@ -156,6 +156,7 @@ impl State {
         self.chip.ascii.set_delimiter(delimiter);
     }
 
+    // ANCHOR: usart
     /// The USART's interrupt. What nearly all of them are, one more good character of an RTU frame in or out, is dealt
     /// with here.
     #[inline(always)]
@@ -180,6 +181,7 @@ impl State {
         }
         self.on_event(status);
     }
+    // ANCHOR_END: usart
 
     /// Every other interrupt.
     #[inline(never)]

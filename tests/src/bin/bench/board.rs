@@ -54,7 +54,7 @@ impl Board {
         }
     }
 
-    /// The line before its table in the README.
+    /// The line before its table in the guide.
     pub const fn begin(self) -> &'static str {
         match self {
             Board::Nano => "<!-- written by: cargo xtask bench --record -->",

@@ -8,12 +8,12 @@ mod board;
 mod figures;
 mod functions;
 mod goals;
+mod guide;
 mod image;
 mod kept;
 mod limits;
 mod measure;
 mod power;
-mod readme;
 mod stm32;
 mod table;
 mod traffic;
@@ -70,7 +70,7 @@ struct Arguments {
     kept: PathBuf,
     /// The text in which a part of them is shown
     #[arg(long, value_name = "PATH")]
-    readme: PathBuf,
+    guide: PathBuf,
     /// Rewrite both
     #[arg(long)]
     record: bool,
@@ -96,7 +96,7 @@ enum Trouble {
     Firmware { image: String, what: String },
     #[error("no image {0}")]
     NoImage(String),
-    #[error("{}: the lines {} and {} are not there, in this order", .0.display(), .1, readme::END)]
+    #[error("{}: the lines {} and {} are not there, in this order", .0.display(), .1, guide::END)]
     NoPlace(PathBuf, &'static str),
     #[error("{}: {what}", path.display())]
     Elf { path: PathBuf, what: String },
@@ -140,7 +140,7 @@ fn run(arguments: &Arguments) -> Result<bool, Trouble> {
     }
     if arguments.record {
         let kept = kept::record(&arguments.kept, &figures)?;
-        readme::update(&arguments.readme, board, &kept, &figures)?;
+        guide::update(&arguments.guide, board, &kept, &figures)?;
     }
     if !arguments.check {
         return Ok(true);
@@ -153,7 +153,7 @@ fn run(arguments: &Arguments) -> Result<bool, Trouble> {
         arguments.board.padding(),
     )?);
     let kept = kept::load(&arguments.kept)?;
-    checks.push(readme::check(&arguments.readme, board, &kept)?);
+    checks.push(guide::check(&arguments.guide, board, &kept)?);
     let failed = checks.iter().filter(|passed| !**passed).count();
     // The words of Rust's own test harness, by which `cargo xtask test` counts.
     println!(

@@ -12,7 +12,7 @@ pub struct Row {
     shown: Shown,
     goal: &'static str,
     peer: &'static str,
-    /// Whether it is in the README too.
+    /// Whether it is in the guide too.
     brief: bool,
 }
 
@@ -52,7 +52,7 @@ impl Row {
         self
     }
 
-    /// In the README too.
+    /// In the guide too.
     pub const fn brief(mut self) -> Self {
         self.brief = true;
         self
@@ -327,7 +327,7 @@ impl Table {
         format!("{head}\nCompiler: {compiler}\n\n{}", aligned(&cells))
     }
 
-    /// For the README: a part of the rows.
+    /// For the guide: a part of the rows.
     pub fn brief(&self, figures: &Figures) -> String {
         let mut text = String::new();
         for (index, line) in self.lines(figures, |row| row.brief).iter().enumerate() {

@@ -1,7 +1,7 @@
 //! A plain model of a unit that runs `conformance`: the standard read line by line, with nothing of the firmware in it.
 //!
 //! It is told every frame on the bus and says what is answered. Sources: APP V1.1b3, SER V1.02; where they leave room,
-//! the README says how this project reads them.
+//! the guide says how this project reads them.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
 mod files;

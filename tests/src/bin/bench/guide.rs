@@ -1,4 +1,4 @@
-//! The part of the figures that the README shows: written with the kept file, and checked against it, so that
+//! The part of the figures that the guide shows: written with the kept file, and checked against it, so that
 //! it never tells of a firmware that is gone.
 
 use std::fs;
@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn the_table_is_replaced_when_its_figures_are_gone_and_the_rest_stays() {
         let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("README.md");
+        let path = folder.path().join("figures.md");
         let (nano, stm32) = (Nano.begin(), Stm32.begin());
         let text = format!("before\n{nano}\n{END}\nbetween\n{stm32}\n{END}\nafter\n");
         fs::write(&path, text).expect("written");
@@ -116,8 +116,8 @@ mod tests {
     }
 
     #[test]
-    fn a_readme_without_the_place_is_an_error() {
-        let path = Path::new("README.md");
+    fn a_guide_without_the_place_is_an_error() {
+        let path = Path::new("figures.md");
         for board in [Nano, Stm32] {
             let begin = board.begin();
             for text in [format!("{END}\n{begin}\n"), begin.to_owned(), String::new()] {

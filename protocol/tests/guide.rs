@@ -1,0 +1,87 @@
+//! The table of the port registers in the guide: what it says of numbers, defaults and ranges is what the code does.
+
+use std::collections::BTreeMap;
+use std::fs;
+
+use multidrop_protocol::port_registers::{PortRegisters, Register, Settings};
+use multidrop_protocol::registers::{Bank, CoilBank, NoRules};
+
+const CHAPTER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/src/managed-ports.md");
+
+/// A row: number, range, default.
+type Row = [String; 3];
+
+/// The rows by the names of their registers, without the index of an array.
+fn table() -> BTreeMap<String, Row> {
+    let text = fs::read_to_string(CHAPTER).expect("the chapter");
+    let (_, text) = text.split_once("## The registers").expect("the section");
+    let mut rows = BTreeMap::new();
+    for line in text.lines().filter(|line| line.starts_with("| ")) {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let [_, name, number, range, default, ..] = cells[..] else {
+            panic!("{line}");
+        };
+        if name != "register" {
+            let row = [number, range, default].map(str::to_owned);
+            let name = name.trim_end_matches(".n").to_owned();
+            assert_eq!(rows.insert(name, row), None, "{line}");
+        }
+    }
+    rows
+}
+
+fn registers() -> impl Iterator<Item = Register> {
+    (0..Register::COUNT).map(|number| Register::from_number(number, 0).expect("a register"))
+}
+
+fn port() -> PortRegisters<Bank<1>, CoilBank<1>, NoRules> {
+    PortRegisters::new(Settings::DEFAULT, Bank::new(0), CoilBank::new(0, 1))
+}
+
+#[test]
+fn the_table_of_the_guide_has_each_register_with_its_number_and_its_default() {
+    let table = table();
+    assert_eq!(table.len(), usize::from(Register::COUNT));
+    for register in registers() {
+        let [number, _, default] = &table[register.name()];
+        assert_eq!(*number, register.number().to_string(), "{register}");
+        // Without rules there is no element to read.
+        let value = port().read(register).map(|value| value.to_string());
+        assert_eq!(*default, value.unwrap_or("-".to_owned()), "{register}");
+    }
+}
+
+#[test]
+fn a_range_in_the_table_of_the_guide_is_what_the_register_takes() {
+    let table = table();
+    let mut ranges = 0;
+    for register in registers() {
+        let [_, range, _] = &table[register.name()];
+        let takes = |value| {
+            let mut port = port();
+            // What stands in the way of some of the values.
+            match register {
+                Register::Format => port.load(Register::Framing, 1).map(drop),
+                Register::Framing => port.load(Register::Mode, 3).map(drop),
+                _ => Ok(()),
+            }
+            .expect("taken");
+            port.load(register, value).map(drop).map_err(|_| value)
+        };
+        if range == "R" {
+            assert_eq!(takes(0), Err(0), "{register}");
+            continue;
+        }
+        let Some((low, high)) = range.split_once("..=") else {
+            continue;
+        };
+        let [low, high] = [low, high].map(|end| end.parse::<u32>().expect("a number"));
+        ranges += 1;
+        assert_eq!((takes(low), takes(high)), (Ok(()), Ok(())), "{register}");
+        assert_eq!(takes(high + 1), Err(high + 1), "{register}");
+        if let Some(below) = low.checked_sub(1) {
+            assert_eq!(takes(below), Err(below), "{register}");
+        }
+    }
+    assert_eq!(ranges, 20);
+}

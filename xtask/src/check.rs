@@ -7,7 +7,7 @@ use crate::image::{App, Board, Format, Image, Options};
 use crate::needs::Purpose;
 use crate::sim::Scenario;
 use crate::tally::{Counts, Tally};
-use crate::{bench, mutants, python, repo, setup};
+use crate::{bench, guide, mutants, python, repo, setup};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
@@ -62,6 +62,9 @@ fn run_all(tally: &mut Tally) {
     let lint = ["clippy", "--release", "--workspace", "--all-targets"];
     let mut host_lint = repo::cargo_in_root(&[&lint[..], &["--", "-D", "warnings"]].concat());
     check(tally, "clippy of the host's crates", &mut host_lint);
+
+    headline("README, guide and API documentation");
+    guide::run(tally);
 
     let builder = Builder::new();
     match &builder {

@@ -13,6 +13,7 @@ mod firmware;
 mod flash;
 mod fuses;
 mod fuzz;
+mod guide;
 mod image;
 mod job;
 mod machine;

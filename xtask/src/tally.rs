@@ -2,12 +2,13 @@
 
 use std::fmt;
 
-/// How many passed and failed, and which failed.
+/// How many passed and failed, which failed, and which were skipped.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     passed: usize,
     failed: usize,
     failures: Vec<String>,
+    skipped: Vec<String>,
 }
 
 /// What the summary of a tool's output says.
@@ -49,17 +50,23 @@ impl Tally {
         }
     }
 
+    /// Adds a check that was not made, and why. It has neither passed nor failed.
+    pub fn skip(&mut self, name: &str, why: &str) {
+        println!("{name} is skipped: {why}");
+        self.skipped.push(format!("{name}: skipped, {why}"));
+    }
+
     /// Whether nothing failed.
     pub fn is_good(&self) -> bool {
         self.failed == 0
     }
 }
 
-/// The failures, one a line, and the counts on the last line.
+/// What was skipped and what failed, one a line, and the counts on the last line.
 impl fmt::Display for Tally {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for failure in &self.failures {
-            writeln!(f, "{failure}")?;
+        for line in self.skipped.iter().chain(&self.failures) {
+            writeln!(f, "{line}")?;
         }
         write!(f, "{} passed, {} failed", self.passed, self.failed)
     }
@@ -139,6 +146,18 @@ mod tests {
         assert_eq!(counts(&bad, Counts::take_python), (5, 3));
         let class = ["Ran 0 tests in 0.0s", "FAILED (errors=1)"];
         assert_eq!(counts(&class, Counts::take_python), (0, 1));
+    }
+
+    #[test]
+    fn what_is_skipped_is_told_by_name_and_not_counted() {
+        let mut tally = Tally::default();
+        tally.check("format", true);
+        tally.skip("guide", "no mdbook");
+        assert!(tally.is_good());
+        assert_eq!(
+            tally.to_string(),
+            "guide: skipped, no mdbook\n1 passed, 0 failed"
+        );
     }
 
     #[test]

@@ -154,9 +154,8 @@ impl Desk {
     }
 }
 
-/// Where the settings of a port are in the registers of AS1's unit: `n` is [the number of the register][r].
-///
-/// [r]: multidrop_protocol::port_registers::Register::number
+/// Where the settings of a port are in the registers of AS1's unit: `n` is the number of the register, that of
+/// `Register::number`.
 pub fn setting(port: usize, n: u16) -> u16 {
     1000 * (port as u16 + 1) + 2 * n
 }

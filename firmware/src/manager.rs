@@ -3,14 +3,22 @@
 //! The ports of an application are a `const` table of [`PortConfig`]; [`table`] checks it. What they are made of
 //! differs from port to port; the manager knows them as [`Managed`].
 //!
-//! ```ignore
+//! ```
+//! use multidrop_firmware::PortConfig;
+//! use multidrop_firmware::manager::{self, Managed, Manager, ManagerError};
+//! use multidrop_firmware::protocol::port_registers::Register;
+//!
 //! const PORTS: [PortConfig; 2] = manager::table([
 //!     PortConfig::new("AS1").slave_id(17),
 //!     PortConfig::new("RS4").client(),
 //! ]);
-//! let manager = Manager::new([as1, rs4]); // two ManagedPort
-//! manager.load("RS4", Register::Baud, 9600)?; // LOAD(MB_RS4_BAUD, 9600)
-//! manager.load(0, Register::SlaveId, 18)?;
+//!
+//! /// Of two `ManagedPort`, opened with `PORTS[0]` and `PORTS[1]`.
+//! fn set_up(as1: &'static dyn Managed, rs4: &'static dyn Managed) -> Result<(), ManagerError<'static>> {
+//!     let manager = Manager::new([as1, rs4]);
+//!     manager.load("RS4", Register::Baud, 9600)?; // LOAD(MB_RS4_BAUD, 9600)
+//!     manager.load(0, Register::SlaveId, 18)
+//! }
 //! ```
 
 use core::fmt;

@@ -4,12 +4,15 @@
 //! polled; one that waits for the bus signs and waits on. With the last signature the board's watchdog is
 //! [fed](Watchdog::feed). A task that does not come back, or one that keeps all others from running, ends at the reset.
 //!
-//! ```ignore
-//! static ROLL: Roll<Dog, 2> = Roll::new();
+//! ```
+//! use multidrop_firmware::demo_unit::DemoUnit;
+//! use multidrop_firmware::roll::Watchdog;
+//! use multidrop_firmware::{Line, Port, Roll, Shared, signed};
 //!
-//! #[embassy_executor::task]
-//! async fn serve(port: &'static Port<Rs485>) -> ! {
-//!     signed(|task| ROLL.sign::<1>(task), multidrop_firmware::serve(port, &unit)).await
+//! /// The body of the second of two tasks.
+//! async fn serve<L: Line, W: Watchdog>(roll: &Roll<W, 2>, port: &'static Port<L>) -> ! {
+//!     let unit = Shared::new(DemoUnit::new(|_outputs| {}));
+//!     signed(|task| roll.sign::<1>(task), multidrop_firmware::serve(port, &unit)).await
 //! }
 //! ```
 

@@ -5,11 +5,23 @@
 //! the port sends the answer. The framings of the two ports have nothing to do with each other: RTU becomes ASCII and
 //! the other way round.
 //!
-//! ```ignore
-//! static ROUTES: [Route<Usart, 4>; 2] = ...;
-//! let router = ROUTER.init(Router::new(routes));
-//! let as1 = AS1.init(ManagedPort::new(as1_line, &AS1_CONFIG, ..).routed(router));
-//! spawner.spawn(as1_route(router).unwrap()); // route(router).await
+//! ```
+//! use multidrop_firmware::protocol::port_registers::PortRegisters;
+//! use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
+//! use multidrop_firmware::{Line, ManagedPort, PortConfig, Route, Router, route};
+//!
+//! const AS1: PortConfig = PortConfig::new("AS1").slave_id(10);
+//! type As1<L> = ManagedPort<L, PortRegisters<Bank<1>, NoCoils, NoRules>>;
+//!
+//! /// `routes` say through which client.
+//! fn routed<L: Line>(line: L, router: &'static Router<L, 4>) -> As1<L> {
+//!     ManagedPort::new(line, &AS1, AS1.bank(), NoCoils).routed(router)
+//! }
+//!
+//! /// The body of a task.
+//! async fn run<L: Line>(router: &'static Router<L, 4>) -> ! {
+//!     route(router).await
+//! }
 //! ```
 //!
 //! # What the asker is told

@@ -6,15 +6,27 @@
 //! out: it is read once, and next a period later. An entry whose unit still owes an answer
 //! [of its kind](crate::client) lets the next one go first.
 //!
-//! ```ignore
-//! static SCAN: StaticCell<Scan<2, 6>> = StaticCell::new();
-//! let scan = SCAN.init(Scan::new([
+//! ```
+//! use multidrop_firmware::scan::{Entry, Scan};
+//! use multidrop_firmware::{Client, Line};
+//!
+//! /// Two blocks, of six cells.
+//! type List = Scan<2, 6>;
+//!
+//! const LIST: List = Scan::new([
 //!     Entry::holding_registers(17, 100, 4).period_ms(250), // cells 0 to 3
-//!     Entry::input_registers(18, 0, 2).period_ms(1000),    // cells 4 and 5
-//! ]));
-//! // in a task: scan.run(client).await
-//! let level = scan.look(0, |cells| cells[2]);
-//! if scan.health(1).is_stale(5000) { /* unit 18 has not answered for five seconds */ }
+//!     Entry::input_registers(18, 0, 2).period_ms(1000),  // cells 4 and 5
+//! ]);
+//!
+//! /// The body of a task.
+//! async fn poll<L: Line>(list: &'static List, client: Client<L, 1>) -> ! {
+//!     list.run(client).await
+//! }
+//!
+//! /// The third register of unit 17, if unit 18 has answered within five seconds.
+//! fn level(list: &List) -> Option<u16> {
+//!     (!list.health(1).is_stale(5000)).then(|| list.look(0, |cells| cells[2]))
+//! }
 //! ```
 
 use core::cell::{Cell, RefCell};

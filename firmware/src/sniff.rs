@@ -6,11 +6,22 @@
 //! managed port that is a sniffer with another framing listens and never talks; as a master it shows its own
 //! requests and what it hears.
 //!
-//! ```ignore
-//! static TAP: StaticCell<Tap<384>> = StaticCell::new();
-//! let tap: &'static Tap<384> = TAP.init(Tap::new());
-//! let rs4 = RS4.init(ManagedPort::new(rs4_line.shown_to(tap), &RS4_CONFIG, ..)); // what this one hears
-//! let rs2 = RS2.init(ManagedPort::new(rs2_line, &RS2_CONFIG, ..).voiced(tap)); // is printed by this one
+//! ```
+//! use multidrop_firmware::protocol::format::Framing;
+//! use multidrop_firmware::protocol::port_registers::{Mode, PortRegisters};
+//! use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
+//! use multidrop_firmware::sniff::Tap;
+//! use multidrop_firmware::{Line, ManagedPort, PortConfig};
+//!
+//! const RS2: PortConfig = PortConfig::new("RS2")
+//!     .mode(Mode::Sniffer)
+//!     .framing(Framing::Text);
+//! type Rs2<L> = ManagedPort<L, PortRegisters<Bank<1>, NoCoils, NoRules>>;
+//!
+//! /// What the tap takes from another line is printed by this one. A board shows a line to a tap: the STM32's by `shown_to`.
+//! fn printer<L: Line>(line: L, tap: &'static Tap<384>) -> Rs2<L> {
+//!     ManagedPort::new(line, &RS2, RS2.bank(), NoCoils).voiced(tap)
+//! }
 //! ```
 //!
 //! The time of a frame is that in which it stands, t3.5 behind its end; of a request that the port makes itself, its end.

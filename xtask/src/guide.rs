@@ -37,7 +37,7 @@ pub fn check(root: &Path) -> Result<Vec<String>, Error> {
             .map_err(|error| Error::failed(format!("{}: {error}", path.display())))
     };
     let mut chapters = Vec::new();
-    collect_texts(root, Path::new(CHAPTERS), &mut chapters)?;
+    collect(root, Path::new(CHAPTERS), "md", &mut chapters)?;
     chapters.sort();
     let mut texts = BTreeMap::new();
     for path in TEXTS.iter().map(PathBuf::from).chain(chapters.clone()) {
@@ -65,6 +65,15 @@ pub fn check(root: &Path) -> Result<Vec<String>, Error> {
             if let Err(what) = check_block(root, path, block, is_chapter) {
                 wrong(block.line, what);
             }
+        }
+    }
+    let mut sources = Vec::new();
+    collect(root, Path::new(""), "rs", &mut sources)?;
+    sources.sort();
+    for path in sources {
+        for line in ignored(&read(&path)?) {
+            let what = "code of the documentation is compiled: no `ignore`";
+            faults.push(format!("{}:{line}: {what}", path.display()));
         }
     }
     let readme = texts[Path::new(TEXTS[0])].lines().count();
@@ -126,19 +135,43 @@ fn run_counted(tally: &mut Tally, name: &str, command: &mut Command) {
     tally.check(name, outcome.is_ok());
 }
 
-/// The Markdown files below `folder`, from `root`.
-fn collect_texts(root: &Path, folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Error> {
+/// The files with this extension below `folder`, from `root`; not what a build has made, nor what is hidden.
+fn collect(
+    root: &Path,
+    folder: &Path,
+    extension: &str,
+    found: &mut Vec<PathBuf>,
+) -> Result<(), Error> {
     let failed = |error| Error::failed(format!("{}: {error}", folder.display()));
     for entry in fs::read_dir(root.join(folder)).map_err(failed)? {
         let entry = entry.map_err(failed)?;
-        let path = folder.join(entry.file_name());
+        let name = entry.file_name();
+        let path = folder.join(&name);
+        if name == "target" || name.to_string_lossy().starts_with('.') {
+            continue;
+        }
         if entry.path().is_dir() {
-            collect_texts(root, &path, found)?;
-        } else if path.extension().is_some_and(|extension| extension == "md") {
+            collect(root, &path, extension, found)?;
+        } else if path.extension().is_some_and(|found| found == extension) {
             found.push(path);
         }
     }
     Ok(())
+}
+
+/// The lines of Rust comments that begin code which rustdoc does not compile.
+fn ignored(source: &str) -> impl Iterator<Item = usize> {
+    let is_ignored = |line: &str| {
+        let comment = line.trim_start().strip_prefix("//");
+        let fence = comment.and_then(|text| {
+            text.trim_start_matches(['/', '!'])
+                .trim()
+                .strip_prefix("```")
+        });
+        fence.is_some_and(|info| info.split(',').any(|word| word.trim() == "ignore"))
+    };
+    let lines = source.lines().enumerate();
+    lines.filter_map(move |(index, line)| is_ignored(line).then_some(index + 1))
 }
 
 /// A block of Rust code.

@@ -15,12 +15,8 @@
 //! An application that enables PCIE2 by itself is not supported: the line no longer sees start bits then, and takes frames
 //! with permitted gaps for damaged ones. Ports B and C are free for it.
 //!
-//! ```ignore
-//! bind_edges!(Edges: INT1, PCINT2);
-//!
-//! let mut button = EdgeInput::new(Input::new(pins.PD3, true), Edges);
-//! button.wait_for_falling_edge().await?;
-//! ```
+//! The application binds the interrupts of its pins by [`bind_edges!`](crate::bind_edges), which defines a type, gives that type and an
+//! [`Input`] to [`EdgeInput::new`], and awaits edges and levels: see the example `changes`.
 
 mod external;
 mod port_d;

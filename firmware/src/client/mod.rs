@@ -5,15 +5,20 @@
 //! carries what the port hears to the one that waits. [`ClientPort`] is a port that is a client and nothing
 //! else; [`client_receive`] is its task.
 //!
-//! ```ignore
-//! static PORT: StaticCell<ClientPort<Rs485, 1>> = StaticCell::new();
-//! let port = PORT.init(ClientPort::new(line));
-//! spawner.spawn(receive(port).unwrap()); // client_receive(port).await
-//! let client = port.client(ClientConfig::new().timeout_ms(150).retries(1));
+//! ```
+//! use multidrop_firmware::{ClientConfig, ClientError, ClientPort, Line, client_receive};
 //!
-//! let mut levels = [0; 4];
-//! client.read_holding_registers(17, 100, &mut levels).await?;
-//! client.write_register(17, 110, 2).await?;
+//! /// The body of the port's task.
+//! async fn receive<L: Line>(port: &'static ClientPort<L, 1>) -> ! {
+//!     client_receive(port).await
+//! }
+//!
+//! async fn ask<L: Line>(port: &'static ClientPort<L, 1>) -> Result<(), ClientError> {
+//!     let client = port.client(ClientConfig::new().timeout_ms(150).retries(1));
+//!     let mut levels = [0; 4];
+//!     client.read_holding_registers(17, 100, &mut levels).await?;
+//!     client.write_register(17, 110, 2).await
+//! }
 //! ```
 //!
 //! # What ends a request

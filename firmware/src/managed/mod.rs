@@ -9,23 +9,30 @@
 //! A slave answers with the port's own arrays; with a data model of the application where [`managed_serve`] stands in for
 //! [`managed_run`]; and for other units through a [router](mod@crate::route).
 //!
-//! ```ignore
+//! ```
+//! use multidrop_firmware::protocol::port_registers::{PortRegisters, Refused, Register};
+//! use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
+//! use multidrop_firmware::{Line, ManagedPort, PortConfig};
+//!
 //! const RS4: PortConfig = PortConfig::new("RS4").baud(38_400).slave_id(17);
-//! type Rs4 = ManagedPort<Rs485, PortRegisters<Bank<16>, NoCoils, NoRules>>;
+//! type Rs4<L> = ManagedPort<L, PortRegisters<Bank<16>, NoCoils, NoRules>>;
 //!
-//! static CELL: StaticCell<Rs4> = StaticCell::new();
-//! let port = CELL.init(ManagedPort::new(line, &RS4, RS4.bank(), NoCoils));
-//! spawner.spawn(receive(port).unwrap()); // managed_receive(port).await
-//! spawner.spawn(run(port).unwrap()); // managed_run(port).await
+//! /// Its tasks are `managed_receive(port)` and `managed_run(port)`.
+//! fn open<L: Line>(line: L) -> Rs4<L> {
+//!     ManagedPort::new(line, &RS4, RS4.bank(), NoCoils)
+//! }
 //!
-//! port.load(Register::Mode, 0)?; // master, from a slave, without a reset
-//! port.load(Register::Func, 3)?;
-//! port.load(Register::RegOff, 2)?;
-//! port.load(Register::RegCnt, 4)?;
-//! port.start()?; // LOAD(RS4, 1)
-//! match port.done().await {
-//!     Ok(()) => port.registers().with(|rs4| use_them(&rs4.regs().cells()[2..6])), // DATAOK
-//!     Err(failure) => show(failure.error()), // DATAERR
+//! /// Register 2 of slave 17, by a port that was a slave itself: no reset is needed.
+//! async fn ask<L: Line>(port: &Rs4<L>) -> Result<Option<u16>, Refused> {
+//!     port.load(Register::Mode, 0)?;
+//!     port.load(Register::Func, 3)?;
+//!     port.load(Register::RegOff, 2)?;
+//!     port.load(Register::RegCnt, 4)?;
+//!     port.start()?; // LOAD(RS4, 1)
+//!     Ok(match port.done().await {
+//!         Ok(()) => Some(port.registers().with(|rs4| rs4.regs().cells()[2])), // DATAOK
+//!         Err(_) => None,                                                     // DATAERR
+//!     })
 //! }
 //! ```
 

@@ -151,6 +151,17 @@ fn rust_code_that_nobody_compiles_is_a_fault() {
 }
 
 #[test]
+fn code_in_comments_that_rustdoc_does_not_compile_is_a_fault() {
+    let said = "node/main.rs:1: code of the documentation is compiled";
+    for fence in ["//! ```ignore", "/// ```rust, ignore", "    //! ```ignore"] {
+        assert_fault("node/main.rs", "use a;", fence, said);
+    }
+    for fence in ["//! ```no_run", "let a = \"```ignore\";", "// ignore"] {
+        assert_eq!(Repository::faults("node/main.rs", "use a;", fence), [""; 0]);
+    }
+}
+
+#[test]
 fn code_of_the_readme_that_is_not_that_of_its_source_is_a_fault() {
     assert_fault(
         "README.md",

@@ -227,3 +227,19 @@ fn a_chapter_that_the_contents_do_not_name_is_a_fault() {
 fn the_texts_of_this_repository_are_sound() {
     assert_eq!(check(repo::root()).expect("read"), [""; 0]);
 }
+
+#[test]
+fn the_guide_shows_what_is_kept_of_the_server_on_the_host() {
+    let read = |path| fs::read_to_string(repo::root().join(path)).expect("read");
+    let kept: serde_json::Value = serde_json::from_str(&read("figures/host.json")).expect("JSON");
+    let text = read("docs/src/figures.md");
+    let shows = |of_a_compiler: &serde_json::Value| {
+        ["03x16", "10x16"].iter().all(|request| {
+            let figure = |who| &of_a_compiler["figures"][format!("{who}_{request}_instructions")];
+            let row = format!("| {request} | {} | {} |", figure("ours"), figure("rmodbus"));
+            text.lines().any(|line| line == row)
+        })
+    };
+    let compilers = kept.as_array().expect("one entry for each compiler");
+    assert!(compilers.iter().any(shows), "docs/src/figures.md: {kept}");
+}

@@ -2,18 +2,20 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 
 use multidrop_protocol::port_registers::{PortRegisters, Register, Settings};
 use multidrop_protocol::registers::{Bank, CoilBank, NoRules};
-
-const CHAPTER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/src/managed-ports.md");
 
 /// A row: number, range, default.
 type Row = [String; 3];
 
 /// The rows by the names of their registers, without the index of an array.
 fn table() -> BTreeMap<String, Row> {
-    let text = fs::read_to_string(CHAPTER).expect("the chapter");
+    // Where it is now: a copied checkout may have been compiled elsewhere.
+    let here = std::env::var("CARGO_MANIFEST_DIR").expect("cargo runs the test");
+    let chapter = Path::new(&here).join("../docs/src/managed-ports.md");
+    let text = fs::read_to_string(chapter).expect("the chapter");
     let (_, text) = text.split_once("## The registers").expect("the section");
     let mut rows = BTreeMap::new();
     for line in text.lines().filter(|line| line.starts_with("| ")) {

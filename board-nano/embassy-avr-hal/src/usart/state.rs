@@ -4,8 +4,8 @@
 //! Four interrupts and the futures, with interrupts off, are the only users.
 
 use core::cell::UnsafeCell;
-use core::ptr::NonNull;
 use core::marker::PhantomData;
+use core::ptr::NonNull;
 
 use multidrop_firmware::line::Adu;
 use multidrop_firmware::protocol::line::{Ascii, Interval, LineMachine, Wire};

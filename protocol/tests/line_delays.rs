@@ -280,6 +280,7 @@ fn what_is_given_up_while_the_driver_is_on_does_not_begin() {
     line.hear_request();
     line.release(3);
     line.alarm();
+    assert!(line.machine.is_lent());
     line.machine.give_back(&mut line.driver);
     assert!(!line.machine.is_lent());
     assert_eq!(

@@ -294,3 +294,18 @@ fn an_answer_has_the_shape_that_its_function_has() {
         assert_eq!(bus.hears(1, other), Direction::Request, "{other:02X?}");
     }
 }
+
+/// Whoever is asked answers it with an exception, so what is heard again is asked again.
+#[test]
+fn a_request_of_a_wrong_length_is_no_answer_to_itself() {
+    for request in [
+        &[5, 0, 1, 0xFF][..],
+        &[6, 0, 1, 0, 7, 0],
+        &[0x16, 0, 4, 0, 0xF2, 0],
+        &[0x16, 0, 4, 0, 0xF2, 0, 0x25, 0],
+    ] {
+        let mut bus = Bus::new();
+        bus.hears(0, request);
+        assert_eq!(bus.hears(1, request), Direction::Request, "{request:02X?}");
+    }
+}

@@ -238,3 +238,16 @@ fn listening_only_ends_by_a_restart_and_by_nothing_else() {
     assert!(!unit.server.diagnostics().listens_only());
     assert_eq!(unit.pdu(&READ), [3, 2, 0, 0]);
 }
+
+#[test]
+fn frames_for_others_are_messages_of_the_bus_and_no_others() {
+    let mut unit = Unit::new();
+    unit.pdu(&CLEAR);
+    for _ in 0..3 {
+        assert!(unit.ask(&[UNIT + 1, 3, 0, 0, 0, 1]).is_empty());
+    }
+    // Three, and each question itself, CLEAR not: it is counted before it clears.
+    assert_eq!(unit.counter(0x0B), 4);
+    assert_eq!(unit.counter(0x0E), 2);
+    assert_eq!(unit.counter(0x0F), 0);
+}

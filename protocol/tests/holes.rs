@@ -227,3 +227,19 @@ fn neither_part_runs_past_65535() {
     assert_eq!(ask(read_write((65_535, 125), 0, &[1])), [0x97, 2]);
     assert_eq!(ask(read_write((0, 1), 65_535, &[1, 2])), [0x97, 2]);
 }
+
+#[test]
+fn both_parts_of_fc_17_have_a_quantity() {
+    let port = &mut slave();
+    assert_eq!(ask(port, &read_write((4, 1), 4, &[])), [0x97, 3]);
+    assert_eq!(ask(port, &read_write((4, 0), 4, &[1])), [0x97, 3]);
+    // As many as a frame carries are a matter of their addresses.
+    for (read, written, code) in [(125, 121, 2), (126, 121, 3)] {
+        let pdu = read_write((4, read), 4, &vec![0; written]);
+        assert_eq!(
+            ask(port, &pdu),
+            [0x97, code],
+            "{read} read, {written} written"
+        );
+    }
+}

@@ -5,9 +5,9 @@ mod desk;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use desk::{Desk, Heard, Registers, SENDS, TestLine};
+use desk::{Desk, Heard, Registers, SENDS, read};
 use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::{Client, ClientConfig, ClientError};
+use multidrop_firmware::{ClientConfig, ClientError};
 
 const TIMEOUT: u64 = 60;
 const GUARD: u64 = 30;
@@ -36,16 +36,6 @@ fn noise() -> Vec<Heard> {
         Heard::Talk(3),
         Heard::Long(3, Box::new(Heard::Damaged(Flaws::CHECK))),
     ]
-}
-
-async fn read<const N: usize>(
-    client: Client<TestLine, N>,
-    unit: u8,
-    address: u16,
-) -> Result<u16, ClientError> {
-    let mut cell = [0xEEEE];
-    let read = client.read_holding_registers(unit, address, &mut cell);
-    read.await.map(|()| cell[0])
 }
 
 /// A peer that answers by the book, [`LATE`] after `delay`.

@@ -5,12 +5,12 @@ mod desk;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use desk::{Desk, Heard, Registers, SENDS};
+use desk::{Desk, Heard, Registers, SENDS, read};
 use multidrop_firmware::protocol::client::Diagnostic;
 use multidrop_firmware::protocol::exception::Exception;
 use multidrop_firmware::protocol::rtu::Flaws;
 use multidrop_firmware::scan::{Entry, Scan};
-use multidrop_firmware::{Client, ClientConfig, ClientError};
+use multidrop_firmware::{ClientConfig, ClientError};
 
 const TIMEOUT: u64 = 100;
 const GUARD: u64 = 60;
@@ -43,16 +43,6 @@ fn first_late(late: Option<u64>) -> impl FnMut(&[u8]) -> Vec<(u64, Heard)> + 'st
         true => Some(DELAY),
         false => late.map(|late| TIMEOUT + late),
     })
-}
-
-async fn read<const N: usize>(
-    client: Client<desk::TestLine, N>,
-    unit: u8,
-    address: u16,
-) -> Result<u16, ClientError> {
-    let mut cell = [0xEEEE];
-    let read = client.read_holding_registers(unit, address, &mut cell);
-    read.await.map(|()| cell[0])
 }
 
 /// When requests to this unit began, and for which address.

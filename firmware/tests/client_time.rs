@@ -5,10 +5,10 @@ mod desk;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use desk::{Desk, Heard, Registers, SENDS, TestLine};
+use desk::{Desk, Heard, Registers, SENDS, read};
 use embassy_time::{Duration, MockDriver};
 use multidrop_firmware::scan::{Entry, Scan};
-use multidrop_firmware::{Client, ClientConfig, ClientError};
+use multidrop_firmware::{ClientConfig, ClientError};
 
 const TIMEOUT: u64 = 30;
 const GUARD: u64 = 20;
@@ -55,16 +55,6 @@ fn at<const N: usize>(ticks: u64) -> Desk<'static, N> {
     });
     MockDriver::get().advance(Duration::from_ticks(ticks));
     desk
-}
-
-async fn read<const N: usize>(
-    client: Client<TestLine, N>,
-    unit: u8,
-    address: u16,
-) -> Result<u16, ClientError> {
-    let mut cell = [0xEEEE];
-    let read = client.read_holding_registers(unit, address, &mut cell);
-    read.await.map(|()| cell[0])
 }
 
 #[test]

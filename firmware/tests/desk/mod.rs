@@ -18,7 +18,7 @@ use std::task::{Context, Poll, Wake, Waker};
 use embassy_time::{Duration, MockDriver};
 use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError};
 use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::{ClientPort, client_receive};
+use multidrop_firmware::{Client, ClientError, ClientPort, client_receive};
 
 /// What comes from the wire.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -452,4 +452,15 @@ impl Registers {
         };
         (unit != 0).then_some(answer)
     }
+}
+
+/// Reads one register.
+pub async fn read<const N: usize>(
+    client: Client<TestLine, N>,
+    unit: u8,
+    address: u16,
+) -> Result<u16, ClientError> {
+    let mut cell = [0xEEEE];
+    let read = client.read_holding_registers(unit, address, &mut cell);
+    read.await.map(|()| cell[0])
 }

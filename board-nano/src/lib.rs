@@ -13,13 +13,13 @@ pub mod outputs;
 use embassy_avr_hal::usart::{Delayed, Framings, RtuAndAscii, RtuOnly, Settings, Slow, Usart0};
 pub use embassy_avr_hal::watchdog::Watchdog;
 use embassy_avr_hal::{baud, pac};
-use multidrop_firmware::PortConfig;
-pub use multidrop_firmware::ResetCause;
-use multidrop_firmware::line::{InterCharacter, LineError};
-use multidrop_firmware::protocol::format::Framing;
-use multidrop_firmware::protocol::message::Message;
-use multidrop_firmware::protocol::port_registers::Duplex;
-use multidrop_firmware::protocol::timing;
+use multidrop::PortConfig;
+pub use multidrop::ResetCause;
+use multidrop::line::{InterCharacter, LineError};
+use multidrop::protocol::format::Framing;
+use multidrop::protocol::message::Message;
+use multidrop::protocol::port_registers::Duplex;
+use multidrop::protocol::timing;
 
 /// The CPU clock: the Nano's 16 MHz crystal if not built otherwise.
 pub const CLOCK_HZ: u32 = options::clock(16_000_000);

@@ -1,7 +1,7 @@
 //! Options of a build, taken from environment variables: `MULTIDROP_UNIT=2 cargo build --release`, or
 //! `cargo xtask build nano demo-unit --unit 2`, which sets them.
 
-use multidrop_firmware::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::format::{Framing, LineFormat};
 
 /// `MULTIDROP_UNIT`, or `default`.
 pub const fn unit(default: u32) -> u32 {

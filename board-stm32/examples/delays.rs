@@ -6,13 +6,13 @@
 #![no_std]
 #![no_main]
 
-use board_stm32::ports::PortSettings;
+use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog};
 use embassy_time::{Duration, Timer};
-use multidrop_firmware::PortConfig;
-use multidrop_firmware::line::{Line, LineConfig};
-use multidrop_firmware::protocol::format::{Framing, LineFormat};
+use multidrop::PortConfig;
+use multidrop::line::{Line, LineConfig};
+use multidrop::protocol::format::{Framing, LineFormat};
 
 const SET_UP: u8 = 0x42;
 const CHANGE: u8 = 0x43;
@@ -90,6 +90,6 @@ async fn repeat(line: Usart) {
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let board = board_stm32::init(Watchdog::DEFAULT);
-    let line = board.rs4.open(const { PortSettings::new(&RS4) });
+    let line = board.rs4.open(const { PortSetup::new(&RS4) });
     board_stm32::run(&ROLL, |spawner| spawner.spawn(repeat(line).unwrap()))
 }

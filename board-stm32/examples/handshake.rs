@@ -6,15 +6,15 @@
 #![no_std]
 #![no_main]
 
-use board_stm32::ports::PortSettings;
+use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog};
 use embassy_time::{Duration, Timer};
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::protocol::port_registers::{Flow, PortRegisters, Register};
-use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
-use multidrop_firmware::protocol::server::Counted;
-use multidrop_firmware::{
+use multidrop::protocol::format::LineFormat;
+use multidrop::protocol::port_registers::{Flow, PortRegisters, Register};
+use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
+use multidrop::protocol::server::Counted;
+use multidrop::{
     ClientConfig, ClientError, ClientPort, ManagedPort, PortConfig, client_receive,
     managed_receive, managed_run, signed,
 };
@@ -85,8 +85,8 @@ async fn obey(as1: &'static As1, rs2: &'static Rs2) -> ! {
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let board = board_stm32::init(Watchdog::DEFAULT);
-    let as1 = board.as1.open(const { PortSettings::new(&AS1) });
-    let rs2 = board.rs2.open(const { PortSettings::new(&RS2) });
+    let as1 = board.as1.open(const { PortSetup::new(&AS1) });
+    let rs2 = board.rs2.open(const { PortSetup::new(&RS2) });
 
     static AS1_CELL: StaticCell<As1> = StaticCell::new();
     static RS2_CELL: StaticCell<Rs2> = StaticCell::new();

@@ -11,27 +11,27 @@ use board_stm32::usart::Usart;
 use embassy_stm32::pac::{GPIOC, gpio::vals::Pupdr};
 use embassy_time::{Duration, Timer};
 use four::{AS1, AS2, ROLL, RS2, RS4};
-use multidrop_firmware::Shared;
-use multidrop_firmware::protocol::registers::Bank;
-use multidrop_firmware::protocol::server::Counted;
+use multidrop::Shared;
+use multidrop::protocol::registers::Bank;
+use multidrop::protocol::server::Counted;
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// How often PC0 is looked at.
 const LOOK: Duration = Duration::from_micros(50);
 
 /// Ports that count, with the log of events.
-type Port = multidrop_firmware::Port<Usart, Counted<64>>;
+type Port = multidrop::ServerPort<Usart, Counted<64>>;
 
 type Model = four::Model<16>;
 
 #[embassy_executor::task(pool_size = 4)]
 async fn receive(port: &'static Port) -> ! {
-    multidrop_firmware::receive(port).await
+    multidrop::receive(port).await
 }
 
 #[embassy_executor::task(pool_size = 4)]
 async fn serve(port: &'static Port, model: &'static Shared<Model>) -> ! {
-    multidrop_firmware::serve(port, model).await
+    multidrop::serve(port, model).await
 }
 
 #[embassy_executor::task]

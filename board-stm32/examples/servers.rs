@@ -8,32 +8,32 @@ mod four;
 use board_stm32::Watchdog;
 use board_stm32::usart::Usart;
 use four::{AS1, AS2, ROLL, RS2, RS4};
-use multidrop_firmware::protocol::registers::Bank;
-use multidrop_firmware::{Port, Shared};
+use multidrop::protocol::registers::Bank;
+use multidrop::{ServerPort, Shared};
 use static_cell::{ConstStaticCell, StaticCell};
 
 type Model = four::Model<128>;
 
 #[embassy_executor::task(pool_size = 4)]
-async fn receive(port: &'static Port<Usart>) -> ! {
-    multidrop_firmware::receive(port).await
+async fn receive(port: &'static ServerPort<Usart>) -> ! {
+    multidrop::receive(port).await
 }
 
 #[embassy_executor::task(pool_size = 4)]
-async fn serve(port: &'static Port<Usart>, model: &'static Shared<Model>) -> ! {
-    multidrop_firmware::serve(port, model).await
+async fn serve(port: &'static ServerPort<Usart>, model: &'static Shared<Model>) -> ! {
+    multidrop::serve(port, model).await
 }
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let [as1, as2, rs2, rs4] = four::open(board_stm32::init(Watchdog::DEFAULT));
 
-    static PORTS: StaticCell<[Port<Usart>; 4]> = StaticCell::new();
+    static PORTS: StaticCell<[ServerPort<Usart>; 4]> = StaticCell::new();
     let ports = PORTS.init([
-        Port::new(as1, &AS1),
-        Port::new(as2, &AS2),
-        Port::new(rs2, &RS2),
-        Port::new(rs4, &RS4),
+        ServerPort::new(as1, &AS1),
+        ServerPort::new(as2, &AS2),
+        ServerPort::new(rs2, &RS2),
+        ServerPort::new(rs4, &RS4),
     ]);
     static MODEL: ConstStaticCell<Shared<Model>> =
         ConstStaticCell::new(Shared::new(four::Model(Bank::new(0))));

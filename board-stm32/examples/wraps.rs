@@ -12,16 +12,16 @@
 
 use core::cell::Cell;
 
-use board_stm32::ports::PortSettings;
+use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog, options};
 use embassy_time::{Duration, Instant, Timer};
-use multidrop_firmware::protocol::data::{Registers, RegistersOut};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::protocol::registers::Bank;
-use multidrop_firmware::protocol::server::DataModel;
-use multidrop_firmware::{Port, PortConfig, Shared};
+use multidrop::protocol::data::{Registers, RegistersOut};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::format::LineFormat;
+use multidrop::protocol::registers::Bank;
+use multidrop::protocol::server::DataModel;
+use multidrop::{PortConfig, ServerPort, Shared};
 use static_cell::{ConstStaticCell, StaticCell};
 
 const RS4: PortConfig = PortConfig::new("RS4")
@@ -58,13 +58,13 @@ impl DataModel for Model {
 static ROLL: Roll<0> = Roll::new();
 
 #[embassy_executor::task]
-async fn receive(port: &'static Port<Usart>) -> ! {
-    multidrop_firmware::receive(port).await
+async fn receive(port: &'static ServerPort<Usart>) -> ! {
+    multidrop::receive(port).await
 }
 
 #[embassy_executor::task]
-async fn serve(port: &'static Port<Usart>, model: &'static Shared<Model>) -> ! {
-    multidrop_firmware::serve(port, model).await
+async fn serve(port: &'static ServerPort<Usart>, model: &'static Shared<Model>) -> ! {
+    multidrop::serve(port, model).await
 }
 
 #[embassy_executor::task]
@@ -92,9 +92,9 @@ async fn beat(model: &'static Shared<Model>) -> ! {
 fn main() -> ! {
     let board = board_stm32::init(Watchdog::DEFAULT);
     board_stm32::wrap_time_in(1_000_000);
-    let line = board.rs4.open(const { PortSettings::new(&RS4) });
-    static PORT: StaticCell<Port<Usart>> = StaticCell::new();
-    let port = PORT.init(Port::new(line, &RS4));
+    let line = board.rs4.open(const { PortSetup::new(&RS4) });
+    static PORT: StaticCell<ServerPort<Usart>> = StaticCell::new();
+    let port = PORT.init(ServerPort::new(line, &RS4));
     static MODEL: ConstStaticCell<Shared<Model>> = ConstStaticCell::new(Shared::new(Model {
         bank: Bank::new(0),
         wrap_in_us: Cell::new(None),

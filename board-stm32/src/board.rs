@@ -6,10 +6,10 @@ use core::sync::atomic::{AtomicU8, Ordering};
 #[cfg(feature = "defmt")]
 use defmt_rtt as _;
 use embassy_executor::Spawner;
-use multidrop_firmware::ResetCause;
-use multidrop_firmware::roll::Watchdog as _;
+use multidrop::ResetCause;
+use multidrop::roll::Watchdog as _;
 
-use crate::ports::{As1, As2, LEDS, Port, PortSettings, Rs2, Rs4};
+use crate::ports::{As1, As2, LEDS, Port, PortSetup, Rs2, Rs4};
 use crate::usart::{Usart, registers};
 use crate::watchdog::{self, Dog, Roll, Watchdog};
 use crate::{Clock, fault, platform, stack};
@@ -23,7 +23,7 @@ impl<P: Port> Closed<P> {
     ///
     /// Without the crystal ([`clock`]) a port whose rate would be off by more than 2.5 % stays off, until it is configured
     /// for another.
-    pub fn open(self, settings: PortSettings<P>) -> Usart {
+    pub fn open(self, settings: PortSetup<P>) -> Usart {
         Usart::open(P::INDEX, settings.line, settings.baud)
     }
 }

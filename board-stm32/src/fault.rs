@@ -8,7 +8,7 @@ use core::mem::MaybeUninit;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
 use embassy_stm32::pac::RCC;
-use multidrop_firmware::ResetCause;
+use multidrop::ResetCause;
 
 use crate::platform::PRIORITY_GROUPS;
 use crate::usart::registers;

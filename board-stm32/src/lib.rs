@@ -55,7 +55,7 @@ pub use board::{Board, Closed, clock, init, outputs, reset_cause, run};
 #[cfg(all(target_arch = "arm", feature = "qemu"))]
 #[doc(hidden)]
 pub use board::{wrap_line_timer_in, wrap_time_in};
-pub use multidrop_firmware::ResetCause;
+pub use multidrop::ResetCause;
 pub use watchdog::Watchdog;
 #[cfg(target_arch = "arm")]
 pub use watchdog::{Dog, Roll};

@@ -3,10 +3,10 @@
 
 use core::marker::PhantomData;
 
-use multidrop_firmware::PortConfig;
-use multidrop_firmware::line::LineError;
-use multidrop_firmware::protocol::message::Message;
-use multidrop_firmware::protocol::port_registers::{Duplex, Flow};
+use multidrop::PortConfig;
+use multidrop::line::LineError;
+use multidrop::protocol::message::Message;
+use multidrop::protocol::port_registers::{Duplex, Flow};
 
 use crate::usart::Settings;
 
@@ -210,13 +210,13 @@ ports! {
 }
 
 /// Settings of port `P`, made in a `const`: what the chip cannot do stops the build.
-pub struct PortSettings<P> {
+pub struct PortSetup<P> {
     pub(crate) line: Settings,
     pub(crate) baud: u32,
     port: PhantomData<P>,
 }
 
-impl<P: Port> PortSettings<P> {
+impl<P: Port> PortSetup<P> {
     /// The settings of `port`.
     ///
     /// # Panics

@@ -6,7 +6,7 @@
 use core::ptr::{read_volatile, write_volatile};
 
 use cortex_m::peripheral::MPU;
-use multidrop_firmware::Stack;
+use multidrop::Stack;
 
 /// What the free RAM is filled with.
 const PAINT: u32 = 0xC5C5_C5C5;

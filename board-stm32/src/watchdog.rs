@@ -1,4 +1,4 @@
-//! The independent watchdog (RM0090 21), fed by a [roll](multidrop_firmware::roll) of tasks.
+//! The independent watchdog (RM0090 21), fed by a [roll](multidrop::roll) of tasks.
 //!
 //! Its clock is LSI, an oscillator of 17 to 47 kHz (DS, LSI oscillator characteristics): a time in ms is nominal, by 32 kHz, and
 //! may be shorter by a third or longer by nearly as much again. The roll is called three times within it, so that it is called
@@ -6,7 +6,7 @@
 //!
 //! A frame that a task keeps for longer than the longest frame takes and the watchdog's time withholds the feeding.
 
-use multidrop_firmware::protocol::message::Message;
+use multidrop::protocol::message::Message;
 
 /// A time that the watchdog can wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub(crate) use running::{call, start};
 
 /// A roll of `N` tasks that feeds the watchdog.
 #[cfg(target_arch = "arm")]
-pub type Roll<const N: usize> = multidrop_firmware::Roll<Dog, N>;
+pub type Roll<const N: usize> = multidrop::Roll<Dog, N>;
 
 #[cfg(target_arch = "arm")]
 mod running {
@@ -118,7 +118,7 @@ mod running {
     #[derive(Clone, Copy)]
     pub struct Task(TaskRef);
 
-    impl multidrop_firmware::roll::Watchdog for Dog {
+    impl multidrop::roll::Watchdog for Dog {
         const IS_ON: bool = !cfg!(feature = "bare");
 
         type Lock = CriticalSectionRawMutex;

@@ -2,7 +2,7 @@
 
 use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::message::Message;
-use multidrop_protocol::port_registers::{Duplex, Flow, LineSettings, Mode, Settings};
+use multidrop_protocol::port_registers::{Duplex, Flow, LineSettings, Mode, PortSettings};
 use multidrop_protocol::registers::{Bank, CoilBank};
 
 use crate::client::ClientConfig;
@@ -13,19 +13,19 @@ use crate::line::{InterCharacter, LineConfig, Role};
 /// [managed port](crate::managed), which begins with them; each is checked against those set before it.
 ///
 /// ```
-/// use multidrop_firmware::PortConfig;
+/// use multidrop::PortConfig;
 /// const PORT: PortConfig = PortConfig::new("RS4").slave_id(17).baud(38_400);
 /// ```
 ///
 /// ```compile_fail
-/// # use multidrop_firmware::PortConfig;
+/// # use multidrop::PortConfig;
 /// // error: port RS4: slave_id is 248, must be 1..=247
 /// const PORT: PortConfig = PortConfig::new("RS4").slave_id(248);
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PortConfig {
     name: &'static str,
-    settings: Settings,
+    settings: PortSettings,
 }
 
 impl PortConfig {
@@ -35,7 +35,7 @@ impl PortConfig {
     pub const fn new(name: &'static str) -> Self {
         Self {
             name,
-            settings: Settings::DEFAULT,
+            settings: PortSettings::DEFAULT,
         }
     }
 
@@ -152,7 +152,7 @@ impl PortConfig {
     /// # Panics
     /// At compile time, with port and value, below 300 or above 10 000 000.
     pub const fn baud(mut self, baud: u32) -> Self {
-        if baud < Settings::BAUD.0 || baud > Settings::BAUD.1 {
+        if baud < PortSettings::BAUD.0 || baud > PortSettings::BAUD.1 {
             self.wrong("baud", baud, "must be 300..=10000000", None);
         }
         self.settings.line.baud = baud;
@@ -236,7 +236,7 @@ impl PortConfig {
     /// # Panics
     /// At compile time, with port and value, outside of 1..=65535.
     pub const fn cts_timeout_ms(mut self, ms: u32) -> Self {
-        if ms < Settings::CTS_TIMEOUT.0 || ms > Settings::CTS_TIMEOUT.1 {
+        if ms < PortSettings::CTS_TIMEOUT.0 || ms > PortSettings::CTS_TIMEOUT.1 {
             self.wrong("cts_timeout_ms", ms, "must be 1..=65535", None);
         }
         self.settings.line.cts_timeout_ms = ms as u16;
@@ -249,7 +249,7 @@ impl PortConfig {
     /// # Panics
     /// At compile time, with port and value, above 10000.
     pub const fn de_lead_us(mut self, us: u32) -> Self {
-        if us > Settings::DE_LEAD.1 {
+        if us > PortSettings::DE_LEAD.1 {
             self.wrong("de_lead_us", us, "must be 0..=10000", None);
         }
         self.settings.line.de_lead_us = us as u16;
@@ -261,7 +261,7 @@ impl PortConfig {
     /// # Panics
     /// At compile time, with port and value, above 1000.
     pub const fn response_delay_ms(mut self, ms: u32) -> Self {
-        if ms > Settings::RESPONSE_DELAY.1 {
+        if ms > PortSettings::RESPONSE_DELAY.1 {
             self.wrong("response_delay_ms", ms, "must be 0..=1000", None);
         }
         self.settings.line.response_delay_ms = ms as u16;
@@ -315,7 +315,7 @@ impl PortConfig {
     }
 
     /// All settings.
-    pub const fn settings(&self) -> &Settings {
+    pub const fn settings(&self) -> &PortSettings {
         &self.settings
     }
 
@@ -367,7 +367,7 @@ pub(crate) const fn line_config(mode: Mode, line: &LineSettings) -> LineConfig {
 }
 
 /// The times of a client with these settings.
-pub(crate) const fn client_config(settings: &Settings) -> ClientConfig {
+pub(crate) const fn client_config(settings: &PortSettings) -> ClientConfig {
     ClientConfig::new()
         .timeout_ms(settings.timeout_ms)
         .retries(settings.retries)

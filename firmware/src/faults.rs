@@ -9,7 +9,7 @@ use multidrop_protocol::registers::within;
 use multidrop_protocol::server::DataModel;
 
 use crate::line::Line;
-use crate::port::Port;
+use crate::port::ServerPort;
 use crate::reset::ResetCause;
 use crate::stack::Stack;
 
@@ -65,7 +65,7 @@ pub struct Faults {
 ///
 /// # Cancellation
 /// Safe: then it is given back.
-pub async fn keep<L: Line, D>(port: &'static Port<L, D>) -> ! {
+pub async fn keep<L: Line, D>(port: &'static ServerPort<L, D>) -> ! {
     let _kept = port.line.lend().await;
     core::future::pending().await
 }

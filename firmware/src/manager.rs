@@ -4,9 +4,9 @@
 //! differs from port to port; the manager knows them as [`Managed`].
 //!
 //! ```
-//! use multidrop_firmware::PortConfig;
-//! use multidrop_firmware::manager::{self, Managed, Manager, ManagerError};
-//! use multidrop_firmware::protocol::port_registers::Register;
+//! use multidrop::PortConfig;
+//! use multidrop::manager::{self, Managed, Manager, ManagerError};
+//! use multidrop::protocol::port_registers::Register;
 //!
 //! const PORTS: [PortConfig; 2] = manager::table([
 //!     PortConfig::new("AS1").slave_id(17),

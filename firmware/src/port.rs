@@ -12,20 +12,20 @@ use crate::line::{Frame, Line};
 ///
 /// `D` says whether the server counts what happens on the line, and with it has functions 08, 0B and 0C:
 /// [`Uncounted`] or [`Counted`].
-pub struct Port<L: Line + 'static, D = Uncounted> {
+pub struct ServerPort<L: Line + 'static, D = Uncounted> {
     pub(crate) line: L,
     pub(crate) server: Server<D>,
     pub(crate) requests: Signal<NoopRawMutex, Frame<'static, L>>,
 }
 
-impl<L: Line + 'static> Port<L> {
+impl<L: Line + 'static> ServerPort<L> {
     /// A port on `line`, which the board has set up from the same `config`. Its server does not count.
     pub const fn new(line: L, config: &PortConfig) -> Self {
         Self::with(line, Server::new(config.unit()))
     }
 }
 
-impl<L: Line + 'static, const LOG: usize> Port<L, Counted<LOG>> {
+impl<L: Line + 'static, const LOG: usize> ServerPort<L, Counted<LOG>> {
     /// A port on `line`, which the board has set up from the same `config`, with all counters and a log of
     /// the last `LOG` events, 0 to 64.
     pub const fn counted(line: L, config: &PortConfig) -> Self {
@@ -33,7 +33,7 @@ impl<L: Line + 'static, const LOG: usize> Port<L, Counted<LOG>> {
     }
 }
 
-impl<L: Line + 'static, D> Port<L, D> {
+impl<L: Line + 'static, D> ServerPort<L, D> {
     /// A port on `line` with this server.
     pub const fn with(line: L, server: Server<D>) -> Self {
         Self {

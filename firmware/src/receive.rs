@@ -3,7 +3,7 @@
 use multidrop_protocol::server::Diagnostics;
 
 use crate::line::Line;
-use crate::port::Port;
+use crate::port::ServerPort;
 
 /// Runs for ever: waits for frames and hands those for this unit, and broadcasts, to
 /// [`serve`](crate::serve()). Damaged frames and other units' frames go no further, unless the server
@@ -12,12 +12,12 @@ use crate::port::Port;
 ///
 /// # Cancellation
 /// Safe: a frame not yet passed on is given back to the line.
-pub async fn receive<L: Line, D: Diagnostics>(port: &'static Port<L, D>) -> ! {
+pub async fn receive<L: Line, D: Diagnostics>(port: &'static ServerPort<L, D>) -> ! {
     loop {
         match port.line.receive().await {
             Ok(frame) if port.server.is_concerned(frame.unit()) => port.requests.signal(frame),
             Ok(_) => {}
-            Err(flaws) => port.server.damaged(flaws),
+            Err(errors) => port.server.damaged(errors),
         }
     }
 }

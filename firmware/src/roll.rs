@@ -5,14 +5,14 @@
 //! [fed](Watchdog::feed). A task that does not come back, or one that keeps all others from running, ends at the reset.
 //!
 //! ```
-//! use multidrop_firmware::demo_unit::DemoUnit;
-//! use multidrop_firmware::roll::Watchdog;
-//! use multidrop_firmware::{Line, Port, Roll, Shared, signed};
+//! use multidrop::demo_unit::DemoUnit;
+//! use multidrop::roll::Watchdog;
+//! use multidrop::{Line, ServerPort, Roll, Shared, signed};
 //!
 //! /// The body of the second of two tasks.
-//! async fn serve<L: Line, W: Watchdog>(roll: &Roll<W, 2>, port: &'static Port<L>) -> ! {
+//! async fn serve<L: Line, W: Watchdog>(roll: &Roll<W, 2>, port: &'static ServerPort<L>) -> ! {
 //!     let unit = Shared::new(DemoUnit::new(|_outputs| {}));
-//!     signed(|task| roll.sign::<1>(task), multidrop_firmware::serve(port, &unit)).await
+//!     signed(|task| roll.sign::<1>(task), multidrop::serve(port, &unit)).await
 //! }
 //! ```
 

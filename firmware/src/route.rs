@@ -6,9 +6,9 @@
 //! the other way round.
 //!
 //! ```
-//! use multidrop_firmware::protocol::port_registers::PortRegisters;
-//! use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
-//! use multidrop_firmware::{Line, ManagedPort, PortConfig, Route, Router, route};
+//! use multidrop::protocol::port_registers::PortRegisters;
+//! use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
+//! use multidrop::{Line, ManagedPort, PortConfig, Route, Router, route};
 //!
 //! const AS1: PortConfig = PortConfig::new("AS1").slave_id(10);
 //! type As1<L> = ManagedPort<L, PortRegisters<Bank<1>, NoCoils, NoRules>>;
@@ -24,20 +24,21 @@
 //! }
 //! ```
 //!
-//! # What the asker is told
+//! # What the requesting client gets
 //!
-//! The answer or exception of the unit. Else exception 0A, where the request could not go out: the port behind is no
-//! master, nobody is asked since too many wait already, or the line behind is never silent. Or 0B, where it did and no
-//! good answer came within the route's own timeout, which is to be shorter than the asker's (APP 7). A unit that has not
-//! answered a request before to the same function is asked when the guard time of the client behind is over: an asker has to
-//! wait for that too. Behind Force Listen Only Mode nothing, since it has no answer (APP 6.8, sub-function 04).
+//! The answer or exception of the unit. Otherwise exception 0A if the request could not go out: the other port is no master,
+//! too many requests wait for it already, or its line is never silent. Or exception 0B if the request went out and no valid
+//! answer came within the route's own timeout, which must be shorter than the timeout of the requesting client (APP 7). A
+//! unit that has not answered an earlier request with the same function is asked when the guard time of the other port is
+//! over; the requesting client must wait for that too. After Force Listen Only Mode it gets nothing, since that has no answer
+//! (APP 6.8, sub-function 04).
 //!
-//! # Several askers
+//! # Several requesting clients
 //!
-//! Each asker's port has a router; two that ask through the same client take turns with each other and with the
-//! application, in the order in which they asked. The requests of one asker come one after the other: a further one
-//! means that it has given the first up, so that is given up here as well, and its answer is never sent. So does a change
-//! of the port's settings.
+//! The port of each requesting client has a router. Two that send through the same port take turns with each other and with
+//! the application, first come, first served. The requests of one client come one after the other: a further one means that
+//! the client has given the first up, so the router gives it up as well and never sends its answer. A change of the port's
+//! settings does that too.
 //!
 //! The port's own unit id goes before its routes. Broadcasts are for the port's own server and go no further.
 
@@ -99,7 +100,7 @@ enum State {
     Answered(u8),
 }
 
-/// The routes of one asker's port, and its request. `N` is that of the clients.
+/// The routes of the port of one requesting client, and its request. `N` is that of the client ports behind.
 pub struct Router<L: Line + 'static, const N: usize> {
     routes: &'static [Route<L, N>],
     /// Request, then answer: unit id, function code and data.

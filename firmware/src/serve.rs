@@ -3,7 +3,7 @@
 use multidrop_protocol::server::{DataModel, Diagnostics, Plan, Server};
 
 use crate::line::{Line, Released};
-use crate::port::Port;
+use crate::port::ServerPort;
 use crate::shared::Shared;
 
 /// Runs for ever: answers the requests that [`receive`](crate::receive()) passes on.
@@ -14,7 +14,7 @@ use crate::shared::Shared;
 /// # Cancellation
 /// Safe at any await: the request is given up, an answer under way ends with the character in flight.
 pub async fn serve<L: Line, D: Diagnostics, M: DataModel>(
-    port: &'static Port<L, D>,
+    port: &'static ServerPort<L, D>,
     model: &Shared<M>,
 ) -> ! {
     loop {

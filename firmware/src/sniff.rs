@@ -1,26 +1,26 @@
 //! Sniffing: what is heard on one port goes to the application, or to another port as lines of text.
 //!
-//! A [`Tap`] takes what a line [shows](crate::Line::show), says which frame is a request and which its answer, and
-//! keeps both with their time until somebody takes them: the application by [`Tap::next`], or a
+//! A [`Capture`] takes what a line [shows](crate::Line::show), says which frame is a request and which its answer, and
+//! keeps both with their time until somebody takes them: the application by [`Capture::next`], or a
 //! [managed port](crate::managed) that is a sniffer (MODE 3) with framing text (FRAMING 2), which prints them. A
 //! managed port that is a sniffer with another framing listens and never talks; as a master it shows its own
 //! requests and what it hears.
 //!
 //! ```
-//! use multidrop_firmware::protocol::format::Framing;
-//! use multidrop_firmware::protocol::port_registers::{Mode, PortRegisters};
-//! use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
-//! use multidrop_firmware::sniff::Tap;
-//! use multidrop_firmware::{Line, ManagedPort, PortConfig};
+//! use multidrop::protocol::format::Framing;
+//! use multidrop::protocol::port_registers::{Mode, PortRegisters};
+//! use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
+//! use multidrop::sniff::Capture;
+//! use multidrop::{Line, ManagedPort, PortConfig};
 //!
 //! const RS2: PortConfig = PortConfig::new("RS2")
 //!     .mode(Mode::Sniffer)
 //!     .framing(Framing::Text);
 //! type Rs2<L> = ManagedPort<L, PortRegisters<Bank<1>, NoCoils, NoRules>>;
 //!
-//! /// What the tap takes from another line is printed by this one. A board shows a line to a tap: the STM32's by `shown_to`.
-//! fn printer<L: Line>(line: L, tap: &'static Tap<384>) -> Rs2<L> {
-//!     ManagedPort::new(line, &RS2, RS2.bank(), NoCoils).voiced(tap)
+//! /// What the capture takes from another line is printed by this one. A board shows a line to a capture: the STM32's by `observed_by`.
+//! fn printer<L: Line>(line: L, capture: &'static Capture<384>) -> Rs2<L> {
+//!     ManagedPort::new(line, &RS2, RS2.bank(), NoCoils).printing(capture)
 //! }
 //! ```
 //!
@@ -36,17 +36,17 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 use multidrop_protocol::Adu;
-use multidrop_protocol::rtu::Flaws;
-use multidrop_protocol::sniffer::{Direction, Heard, Sniffer, Text, write_damaged, write_frame};
+use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::sniffer::{Counts, Direction, Sniffer, Text, write_damaged, write_frame};
 
 /// Somebody who looks at a line.
-pub trait Ear {
+pub trait Observer {
     /// A good frame (unit id, function code, data), or what was wrong with a damaged one.
-    fn hear(&self, seen: Result<&[u8], Flaws>);
+    fn hear(&self, seen: Result<&[u8], ReceiveErrors>);
 }
 
 /// Somebody who has text to be printed.
-pub trait Voice {
+pub trait TextSource {
     /// Whether there is any. The last one to ask is woken when there is.
     fn poll_text(&self, context: &mut Context<'_>) -> Poll<()>;
 
@@ -64,12 +64,12 @@ pub enum Seen<'a> {
     /// A good frame: which way it goes, and unit id, function code and data.
     Frame(Direction, &'a [u8]),
     /// A damaged one.
-    Damaged(Flaws),
+    Damaged(ReceiveErrors),
 }
 
 /// Bytes that a record has before those of the frame: time, kind, length.
 const HEAD: usize = 10;
-/// Kinds of records; others are the flaws of a damaged frame, above [`DAMAGED`].
+/// Kinds of records; others are the errors of a damaged frame, above [`DAMAGED`].
 const REQUEST: u8 = 0;
 const ANSWER: u8 = 1;
 const EXCEPTION: u8 = 2;
@@ -82,7 +82,7 @@ struct Records<const N: usize> {
 }
 
 /// What was seen and not taken yet, in `N` bytes: each frame takes 10 and its own; at least 264.
-pub struct Tap<const N: usize> {
+pub struct Capture<const N: usize> {
     records: RefCell<Records<N>>,
     sniffer: RefCell<Sniffer>,
     dropped: Cell<u32>,
@@ -91,7 +91,7 @@ pub struct Tap<const N: usize> {
     came: Signal<NoopRawMutex, ()>,
 }
 
-impl<const N: usize> Tap<N> {
+impl<const N: usize> Capture<N> {
     /// Nothing seen. Where a frame may be an answer or a request once more, it is an answer within
     /// [200 ms](Sniffer::PATIENCE_MS).
     pub const fn new() -> Self {
@@ -100,7 +100,12 @@ impl<const N: usize> Tap<N> {
 
     /// The same, within so many ms of the request: no longer than the client's timeout.
     pub const fn within_ms(patience_ms: u32) -> Self {
-        const { assert!(N >= HEAD + 254, "a tap must have room for a whole frame") };
+        const {
+            assert!(
+                N >= HEAD + 254,
+                "a capture must have room for a whole frame"
+            )
+        };
         Self {
             records: RefCell::new(Records {
                 bytes: [0; N],
@@ -114,8 +119,8 @@ impl<const N: usize> Tap<N> {
     }
 
     /// What was seen, counted, whether it was dropped or not.
-    pub fn heard(&self) -> Heard {
-        self.sniffer.borrow().heard()
+    pub fn counts(&self) -> Counts {
+        self.sniffer.borrow().counts()
     }
 
     /// How many frames, damaged ones included, found no room and are in no record. Goes round.
@@ -138,7 +143,7 @@ impl<const N: usize> Tap<N> {
     }
 }
 
-impl<const N: usize> Default for Tap<N> {
+impl<const N: usize> Default for Capture<N> {
     fn default() -> Self {
         Self::new()
     }
@@ -170,7 +175,7 @@ impl<const N: usize> Records<N> {
             _ => Direction::Exception,
         };
         let seen = match head[8].checked_sub(DAMAGED) {
-            Some(flaws) => Seen::Damaged(Flaws::from_bits(flaws)),
+            Some(errors) => Seen::Damaged(ReceiveErrors::from_bits(errors)),
             None => Seen::Frame(direction, &rest[..len]),
         };
         (u64::from_le_bytes(time), seen, HEAD + len)
@@ -182,8 +187,8 @@ impl<const N: usize> Records<N> {
     }
 }
 
-impl<const N: usize> Ear for Tap<N> {
-    fn hear(&self, seen: Result<&[u8], Flaws>) {
+impl<const N: usize> Observer for Capture<N> {
+    fn hear(&self, seen: Result<&[u8], ReceiveErrors>) {
         let time = Instant::now().as_micros();
         let mut sniffer = self.sniffer.borrow_mut();
         let (kind, frame) = match seen {
@@ -195,9 +200,9 @@ impl<const N: usize> Ear for Tap<N> {
                 };
                 (kind, frame)
             }
-            Err(flaws) => {
+            Err(errors) => {
                 sniffer.damaged();
-                (DAMAGED | flaws.bits(), &[][..])
+                (DAMAGED | errors.bits(), &[][..])
             }
         };
         if self.records.borrow_mut().push(time, kind, frame) {
@@ -208,7 +213,7 @@ impl<const N: usize> Ear for Tap<N> {
     }
 }
 
-impl<const N: usize> Voice for Tap<N> {
+impl<const N: usize> TextSource for Capture<N> {
     fn poll_text(&self, context: &mut Context<'_>) -> Poll<()> {
         loop {
             let came = pin!(self.came.wait()).poll(context);
@@ -272,7 +277,7 @@ impl Window<'_> {
     fn write(&mut self, (time, seen, _): (u64, Seen<'_>, usize)) {
         match seen {
             Seen::Frame(direction, frame) => write_frame(self, time, direction, frame),
-            Seen::Damaged(flaws) => write_damaged(self, time, flaws),
+            Seen::Damaged(errors) => write_damaged(self, time, errors),
         }
     }
 }

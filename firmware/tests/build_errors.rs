@@ -30,7 +30,7 @@ fn rules(lists: &str) -> String {
 
 /// Something done with frames of a line.
 fn frame(function: &str) -> String {
-    format!("use multidrop_firmware::line::{{Frame, Key, Lend, Line, Released}};\n{function}")
+    format!("use multidrop::line::{{Frame, Key, Lend, Line, Released}};\n{function}")
 }
 
 fn constant(type_name: &str, value: &str) -> String {
@@ -56,7 +56,7 @@ fn cases() -> Vec<Case> {
         (
             "released_frame_changes",
             frame("fn f<L: Line>(mut answer: Released<'_, L>) { answer.adu()[2] = 0; }"),
-            "no method named `adu` found for struct `multidrop_firmware::Released<'l, L>` in the current scope",
+            "no method named `adu` found for struct `multidrop::Released<'l, L>` in the current scope",
         ),
         (
             "line_is_no_lender",
@@ -97,7 +97,7 @@ fn cases() -> Vec<Case> {
             "name_twice",
             constant(
                 "[PortConfig; 2]",
-                "multidrop_firmware::manager::table([PortConfig::new(\"AS1\"), PortConfig::new(\"AS1\").client()])",
+                "multidrop::manager::table([PortConfig::new(\"AS1\"), PortConfig::new(\"AS1\").client()])",
             ),
             "port AS1: name is in the table twice, must be once",
         ),
@@ -339,12 +339,12 @@ fn cases() -> Vec<Case> {
 
 const IMPORTS: &str = "#![no_std]
 #![allow(unused_imports, clippy::all)]
-use multidrop_firmware::PortConfig;
-use multidrop_firmware::protocol::format::{Framing, LineFormat};
-use multidrop_firmware::protocol::port_registers::{InterCharacter, Mode};
-use multidrop_firmware::protocol::registers::{Bank, CoilBank, ScanList, SparseBank, SparseCoilBank};
-use multidrop_firmware::protocol::rules;
-use multidrop_firmware::protocol::server::Server;
+use multidrop::PortConfig;
+use multidrop::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::port_registers::{InterCharacter, Mode};
+use multidrop::protocol::registers::{Bank, CoilBank, ScanList, SparseBank, SparseCoilBank};
+use multidrop::protocol::rules;
+use multidrop::protocol::server::Server;
 ";
 
 /// Checks all cases; gives what rustc said of each that failed.
@@ -359,7 +359,7 @@ fn check(cases: &[Case]) -> BTreeMap<String, Vec<String>> {
     fs::create_dir_all(folder.join("examples")).unwrap();
     let mut manifest = format!(
         "[package]\nname = \"cases\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n[workspace]\n\n[lib]\npath = \"lib.rs\"\n\n\
-         [dependencies]\nmultidrop-firmware = {{ path = {:?} }}\n",
+         [dependencies]\nmultidrop = {{ path = {:?} }}\n",
         here.display().to_string()
     );
     for (name, source, _) in cases {

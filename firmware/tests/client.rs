@@ -6,11 +6,11 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use desk::{Desk, Heard, Registers, SENDS};
-use multidrop_firmware::client::Blame;
-use multidrop_firmware::protocol::client::{Diagnostic, RequestError};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::{ClientConfig, ClientError};
+use multidrop::client::Blame;
+use multidrop::protocol::client::{Diagnostic, RequestError};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::{ClientConfig, ClientError};
 
 const TIMEOUT: u64 = 100;
 const CONFIG: ClientConfig = ClientConfig::new().timeout_ms(TIMEOUT as u16);
@@ -127,11 +127,11 @@ fn an_answer_cut_off_anywhere_is_not_one() {
         );
         let (read, ms) = first_read(
             CONFIG,
-            once(|_| vec![(DELAY, Heard::Damaged(Flaws::CHECK))]),
+            once(|_| vec![(DELAY, Heard::Damaged(ReceiveErrors::CHECK))]),
         );
         assert_eq!(
             (read, ms),
-            (Err(ClientError::Damaged(Flaws::CHECK)), FOR_NOTHING)
+            (Err(ClientError::Damaged(ReceiveErrors::CHECK)), FOR_NOTHING)
         );
     }
 }
@@ -205,8 +205,8 @@ fn other_units_answers_damaged_frames_and_other_functions_are_skipped() {
         Heard::Frame(vec![17, 3, 4, 1, 2, 3, 4]),
         Heard::Frame(vec![17, 0x84, 2]),
         Heard::Frame(vec![17, 0x83, 2, 0]),
-        Heard::Damaged(Flaws::CHECK),
-        Heard::Damaged(Flaws::PARITY),
+        Heard::Damaged(ReceiveErrors::CHECK),
+        Heard::Damaged(ReceiveErrors::PARITY),
         Heard::Void(vec![17, 3, 2, 1, 2]),
         Heard::Void(vec![17, 0x83, 2]),
     ];
@@ -224,14 +224,14 @@ fn other_units_answers_damaged_frames_and_other_functions_are_skipped() {
 fn the_last_wrong_thing_heard_is_the_error() {
     let unit = Heard::Frame(vec![18, 3, 2, 1, 2]);
     let function = Heard::Frame(vec![17, 4, 2, 1, 2]);
-    let check = Heard::Damaged(Flaws::CHECK);
+    let check = Heard::Damaged(ReceiveErrors::CHECK);
     let void = Heard::Void(vec![17, 3, 2, 1, 2]);
     for (heard, expected) in [
         ([&unit, &function], ClientError::WrongFunction(4)),
         ([&function, &unit], ClientError::WrongUnit(18)),
-        ([&unit, &check], ClientError::Damaged(Flaws::CHECK)),
+        ([&unit, &check], ClientError::Damaged(ReceiveErrors::CHECK)),
         ([&check, &unit], ClientError::WrongUnit(18)),
-        ([&unit, &void], ClientError::Damaged(Flaws::GAP)),
+        ([&unit, &void], ClientError::Damaged(ReceiveErrors::GAP)),
     ] {
         let [first, second] = heard.map(Clone::clone);
         let (read, ms) = first_read(
@@ -277,7 +277,12 @@ fn exception_05_extends_the_wait_by_one_timeout() {
     // Not answered; wrong things heard meanwhile do not hide that it was accepted; nor is it tried again.
     let (read, ms) = first_read(
         CONFIG.retries(3),
-        once(move |_| vec![accepted(), (DELAY + 20, Heard::Damaged(Flaws::CHECK))]),
+        once(move |_| {
+            vec![
+                accepted(),
+                (DELAY + 20, Heard::Damaged(ReceiveErrors::CHECK)),
+            ]
+        }),
     );
     assert_eq!((read, ms), (acknowledge, SENDS + DELAY + 1 + TIMEOUT));
     // Extended once.
@@ -324,7 +329,7 @@ fn retries_are_sent_and_counted() {
     }
     let (read, ms) = first_read(
         CONFIG.retries(2),
-        once(|_| vec![(DELAY, Heard::Damaged(Flaws::CHECK))]),
+        once(|_| vec![(DELAY, Heard::Damaged(ReceiveErrors::CHECK))]),
     );
     assert_eq!((read, ms), (Ok(0x1007), FOR_NOTHING + SENDS + DELAY + 1));
     // An exception is an answer, and is not asked for again.
@@ -385,7 +390,7 @@ fn what_is_heard_after_a_broadcast_is_dropped() {
     let mut desk = Desk::<1>::new(|request| match request[0] {
         0 => vec![
             (DELAY, Heard::Frame(vec![17, 6, 0, 3, 0, 7])),
-            (99, Heard::Damaged(Flaws::CHECK)),
+            (99, Heard::Damaged(ReceiveErrors::CHECK)),
         ],
         _ => vec![],
     });
@@ -594,7 +599,7 @@ fn a_request_given_up_at_any_moment_leaves_no_answer_behind() {
 fn an_answer_that_nobody_takes_is_given_back() {
     for heard in [
         Heard::Frame(vec![17, 3, 2, 0x12, 0x34]),
-        Heard::Damaged(Flaws::CHECK),
+        Heard::Damaged(ReceiveErrors::CHECK),
     ] {
         let comes = heard.clone();
         let mut desk = Desk::<1>::new(once(move |_| vec![(DELAY, comes.clone())]));
@@ -621,7 +626,7 @@ fn what_is_heard_while_nobody_asks_is_dropped() {
     let mut desk = Desk::<1>::new(once(|answer| {
         vec![
             (DELAY, Heard::Frame(answer.clone())),
-            (DELAY + 20, Heard::Damaged(Flaws::CHECK)),
+            (DELAY + 20, Heard::Damaged(ReceiveErrors::CHECK)),
             (DELAY + 40, Heard::Frame(answer)),
         ]
     }));

@@ -6,8 +6,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use desk::{Desk, Heard, Registers, SENDS, read};
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::{ClientConfig, ClientError};
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::{ClientConfig, ClientError};
 
 const TIMEOUT: u64 = 60;
 const GUARD: u64 = 30;
@@ -22,9 +22,9 @@ const NEXT: u16 = 9;
 /// What a noisy bus has between a request and its answer: nothing of it is the answer.
 fn noise() -> Vec<Heard> {
     vec![
-        Heard::Damaged(Flaws::CHECK),
-        Heard::Damaged(Flaws::GAP | Flaws::LENGTH),
-        Heard::Damaged(Flaws::OVERRUN),
+        Heard::Damaged(ReceiveErrors::CHECK),
+        Heard::Damaged(ReceiveErrors::GAP | ReceiveErrors::LENGTH),
+        Heard::Damaged(ReceiveErrors::OVERRUN),
         // The answer, and a late character behind it.
         Heard::Void(vec![17, 3, 2, 0xDE, 0xAD]),
         Heard::Void(vec![17, 0x83, 2]),
@@ -34,7 +34,7 @@ fn noise() -> Vec<Heard> {
         // Not yet.
         Heard::Frame(vec![17, 0x83, 5]),
         Heard::Talk(3),
-        Heard::Long(3, Box::new(Heard::Damaged(Flaws::CHECK))),
+        Heard::Long(3, Box::new(Heard::Damaged(ReceiveErrors::CHECK))),
     ]
 }
 

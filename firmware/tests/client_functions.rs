@@ -5,9 +5,9 @@ mod desk;
 use std::fmt::Debug;
 
 use desk::{Desk, Heard, TestLine};
-use multidrop_firmware::protocol::client::{Diagnostic, FileData, FileRange, RequestError};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::{Client, ClientConfig, ClientError};
+use multidrop::protocol::client::{Diagnostic, FileData, FileRange, RequestError};
+use multidrop::protocol::exception::Exception;
+use multidrop::{Client, ClientConfig, ClientError};
 
 const CONFIG: ClientConfig = ClientConfig::new().timeout_ms(30).turnaround_ms(5);
 const DELAY: u64 = 4;
@@ -225,7 +225,7 @@ fn the_state_of_a_server_is_read() {
     );
     works(
         |client| async move {
-            let log = |log: multidrop_firmware::protocol::client::EventLog<'_>| {
+            let log = |log: multidrop::protocol::client::EventLog<'_>| {
                 (log.busy, log.events, log.messages, log.log.to_vec())
             };
             client.event_log(17, log).await

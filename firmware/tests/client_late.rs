@@ -6,11 +6,11 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use desk::{Desk, Heard, Registers, SENDS, read};
-use multidrop_firmware::protocol::client::Diagnostic;
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::scan::{Entry, Scan};
-use multidrop_firmware::{ClientConfig, ClientError};
+use multidrop::poll::{PollEntry, PollList};
+use multidrop::protocol::client::Diagnostic;
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::{ClientConfig, ClientError};
 
 const TIMEOUT: u64 = 100;
 const GUARD: u64 = 60;
@@ -112,7 +112,7 @@ fn only_the_answer_itself_or_its_exception_ends_the_wait_for_it() {
     let other = Heard::Frame(vec![18, 3, 2, 1, 2]);
     let function = Heard::Frame(vec![17, 4, 2, 1, 2]);
     let accepted = Heard::Frame(vec![17, 0x83, 5]);
-    let damaged = Heard::Damaged(Flaws::CHECK);
+    let damaged = Heard::Damaged(ReceiveErrors::CHECK);
     let void = Heard::Void(vec![17, 3, 2, 1, 2]);
     let refused = Heard::Frame(vec![17, 0x83, 2]);
     let answer = Heard::Frame(vec![17, 3, 2, 1, 2]);
@@ -214,11 +214,11 @@ fn one_that_waits_may_be_given_up_at_any_moment() {
 /// The other units of a scan list are read at their periods, to the millisecond, however long one is silent.
 #[test]
 fn a_scan_list_takes_the_next_entry_in_place_of_one_that_owes() {
-    let scan = Scan::<4, 4>::new([
-        Entry::holding_registers(1, 0, 1).period_ms(300),
-        Entry::holding_registers(2, 0, 1).period_ms(300),
-        Entry::holding_registers(9, 0, 1).period_ms(20),
-        Entry::holding_registers(3, 0, 1).period_ms(300),
+    let scan = PollList::<4, 4>::new([
+        PollEntry::holding_registers(1, 0, 1).period_ms(300),
+        PollEntry::holding_registers(2, 0, 1).period_ms(300),
+        PollEntry::holding_registers(9, 0, 1).period_ms(20),
+        PollEntry::holding_registers(3, 0, 1).period_ms(300),
     ]);
     let scan = &scan;
     let mut desk = Desk::<1>::new(peer(|request| (request[0] != 9).then_some(DELAY)));
@@ -324,11 +324,11 @@ fn one_frame_is_heard_out_and_no_more() {
 #[test]
 fn a_damaged_frame_is_heard_out_too() {
     let mut desk = Desk::<1>::new(|_| {
-        let damaged = Heard::Damaged(Flaws::CHECK);
+        let damaged = Heard::Damaged(ReceiveErrors::CHECK);
         vec![(90, Heard::Long(60, Box::new(damaged)))]
     });
     let client = desk.port.client(CONFIG);
-    let over = (Err(ClientError::Damaged(Flaws::CHECK)), SENDS + 150);
+    let over = (Err(ClientError::Damaged(ReceiveErrors::CHECK)), SENDS + 150);
     assert_eq!(desk.ask(read(client, 17, 7)), over);
 }
 

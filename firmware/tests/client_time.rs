@@ -7,8 +7,8 @@ use std::rc::Rc;
 
 use desk::{Desk, Heard, Registers, SENDS, read};
 use embassy_time::{Duration, MockDriver};
-use multidrop_firmware::scan::{Entry, Scan};
-use multidrop_firmware::{ClientConfig, ClientError};
+use multidrop::poll::{PollEntry, PollList};
+use multidrop::{ClientConfig, ClientError};
 
 const TIMEOUT: u64 = 30;
 const GUARD: u64 = 20;
@@ -122,9 +122,9 @@ fn one_that_is_given_up_is_waited_for() {
 #[test]
 fn a_scan_list_keeps_its_periods() {
     for moment in moments() {
-        let scan: &'static Scan<2, 2> = Box::leak(Box::new(Scan::new([
-            Entry::holding_registers(17, 1, 1).period_ms(50),
-            Entry::holding_registers(18, 1, 1).period_ms(100),
+        let scan: &'static PollList<2, 2> = Box::leak(Box::new(PollList::new([
+            PollEntry::holding_registers(17, 1, 1).period_ms(50),
+            PollEntry::holding_registers(18, 1, 1).period_ms(100),
         ])));
         let mut desk = at::<1>(moment);
         let client = desk.port.client(CONFIG.request_gap_ms(0));

@@ -1,11 +1,11 @@
 //! The functions over the conformance map, by the examples of the standard and the bytes that follow from it.
 
-use multidrop_firmware::conformance::Conformance;
-use multidrop_firmware::protocol::Adu;
-use multidrop_firmware::protocol::data::{BytesOut, RegistersOut};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::protocol::server::{Conformity, Counted, DataModel, FunctionSet, Server};
+use multidrop::conformance::Conformance;
+use multidrop::protocol::Adu;
+use multidrop::protocol::data::{BytesOut, RegistersOut};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::server::{Conformity, Counted, DataModel, FunctionSet, Server};
 
 struct Unit<M> {
     server: Server<Counted<64>>,
@@ -346,8 +346,9 @@ fn diagnostics_answer_and_count() {
     assert!(unit.ask(&[0, 6, 0, 1, 0, 9]).is_empty());
     assert!(unit.ask(&[0, 3, 0, 1, 0, 9]).is_empty());
     assert!(unit.ask(&[0, 6, 0, 200, 0, 9]).is_empty());
-    unit.server.damaged(Flaws::CHECK);
-    unit.server.damaged(Flaws::CHECK | Flaws::OVERRUN);
+    unit.server.damaged(ReceiveErrors::CHECK);
+    unit.server
+        .damaged(ReceiveErrors::CHECK | ReceiveErrors::OVERRUN);
     assert_eq!(unit.counter(0x0B), 8);
     assert_eq!(unit.counter(0x0C), 2);
     assert_eq!(unit.counter(0x0D), 1);
@@ -371,7 +372,7 @@ fn events_are_counted_and_logged() {
     unit.pdu(&[3, 0, 0, 0, 0]);
     unit.ask(&[0, 6, 0, 1, 0, 9]);
     unit.ask(&[18, 6, 0, 1, 0, 9]);
-    unit.server.damaged(Flaws::OVERRUN);
+    unit.server.damaged(ReceiveErrors::OVERRUN);
     assert_eq!(unit.pdu(&[0x0B]), [0x0B, 0, 0, 0, 2]);
     assert_eq!(
         unit.pdu(&[0x0C]),

@@ -1,11 +1,11 @@
 //! What is said of each way in which a request can end but well, and who could do something about it.
 
-use multidrop_firmware::client::{Blame, ClientError};
-use multidrop_firmware::managed::Failure;
-use multidrop_firmware::protocol::client::{AnswerError, Failure as Ended, RequestError};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::port_registers::Status;
-use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop::client::{Blame, ClientError};
+use multidrop::managed::Failure;
+use multidrop::protocol::client::{AnswerError, Failure as Ended, RequestError};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::port_registers::Status;
+use multidrop::protocol::rtu::ReceiveErrors;
 
 /// Each error, what it says, whose it is, and STATUS and ERROR of a port where it ends a transaction.
 const ERRORS: &[(ClientError, &str, Blame, Status, u8)] = &[
@@ -122,10 +122,10 @@ fn each_error_has_its_words_its_blame_and_its_status() {
     for (cause, says, blame, status, error) in ERRORS {
         said(*cause, says, *blame, *status, *error);
     }
-    let flaws = Flaws::GAP | Flaws::CHECK;
+    let errors = ReceiveErrors::GAP | ReceiveErrors::CHECK;
     said(
-        ClientError::Damaged(flaws),
-        &format!("no answer but damaged ({flaws:?})"),
+        ClientError::Damaged(errors),
+        &format!("no answer but damaged ({errors:?})"),
         Blame::Wire,
         Status::WrongCrc,
         0,
@@ -145,8 +145,8 @@ fn what_ends_a_wait_is_told_as_it_is() {
     for (ended, error) in [
         (Ended::Timeout, ClientError::Timeout),
         (
-            Ended::Damaged(Flaws::PARITY),
-            ClientError::Damaged(Flaws::PARITY),
+            Ended::Damaged(ReceiveErrors::PARITY),
+            ClientError::Damaged(ReceiveErrors::PARITY),
         ),
         (
             Ended::Answer(AnswerError::Unit(18)),

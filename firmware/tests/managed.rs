@@ -6,22 +6,22 @@
 mod bench;
 
 use bench::{Bench, Event, Heard, SENDS, TestLine, Wire};
-use multidrop_firmware::client::{ClientConfig, ClientError};
-use multidrop_firmware::line::Role;
-use multidrop_firmware::managed::{
+use multidrop::client::{ClientConfig, ClientError};
+use multidrop::line::Role;
+use multidrop::managed::{
     EVENTS, Failure, ManagedPort, managed_receive, managed_run, managed_serve,
 };
-use multidrop_firmware::protocol::data::RegistersOut;
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::format::{Framing, LineFormat};
-use multidrop_firmware::protocol::port_registers::{PortRegisters, Register, Status};
-use multidrop_firmware::protocol::registers::{
+use multidrop::protocol::data::RegistersOut;
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::port_registers::{PortRegisters, Register, Status};
+use multidrop::protocol::registers::{
     Bank, CoilBank, Items, NoCoils, NoRules, Rules, ScanList, SparseBank,
 };
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::protocol::rules;
-use multidrop_firmware::protocol::server::{Counted, DataModel, Uncounted};
-use multidrop_firmware::{PortConfig, Shared};
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::rules;
+use multidrop::protocol::server::{Counted, DataModel, Uncounted};
+use multidrop::{PortConfig, Shared};
 
 type Port<R, C = CoilBank<2>, V = NoRules> =
     &'static ManagedPort<TestLine, PortRegisters<R, C, V>, Uncounted, 2>;
@@ -263,10 +263,10 @@ fn every_end_has_its_status_and_its_error() {
         (ok(&[17, 4, 2, 0, 1]), 3, 0, ClientError::WrongFunction(4)),
         (ok(&[18, 3, 2, 0, 1]), 4, 0, ClientError::WrongUnit(18)),
         (
-            vec![(5, Err(Flaws::CHECK))],
+            vec![(5, Err(ReceiveErrors::CHECK))],
             5,
             0,
-            ClientError::Damaged(Flaws::CHECK),
+            ClientError::Damaged(ReceiveErrors::CHECK),
         ),
         (vec![], 6, 0, ClientError::Timeout),
         (
@@ -783,15 +783,15 @@ fn a_slave_that_counts_has_its_counters_in_every_mode() {
     bench.spawn(async move { managed_receive(port).await });
     bench.spawn(async move { managed_run(port).await });
     bench.poll();
-    wire.hear(Err(Flaws::CHECK));
-    wire.hear(Err(Flaws::GAP));
+    wire.hear(Err(ReceiveErrors::CHECK));
+    wire.hear(Err(ReceiveErrors::GAP));
     wire.hear(Ok(vec![18, 3, 0, 0, 0, 1]));
     bench.run(20);
     // What a master or a port that is off hears is none of the slave's business.
     for mode in [0, 2] {
         port.load(Register::Mode, mode).unwrap();
         bench.run(5);
-        wire.hear(Err(Flaws::CHECK));
+        wire.hear(Err(ReceiveErrors::CHECK));
         bench.run(5);
     }
     port.load(Register::Mode, 1).unwrap();

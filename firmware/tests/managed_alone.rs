@@ -6,26 +6,24 @@ mod bench;
 use std::cell::RefCell;
 
 use bench::{Bench, SENDS, TestLine, Wire};
-use multidrop_firmware::PortConfig;
-use multidrop_firmware::managed::{ManagedPort, managed_receive, managed_run};
-use multidrop_firmware::protocol::format::Framing;
-use multidrop_firmware::protocol::port_registers::{
-    Mode, PortRegisters, Reason, Refused, Register,
-};
-use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::protocol::server::Counted;
-use multidrop_firmware::sniff::{Ear, Tap};
+use multidrop::PortConfig;
+use multidrop::managed::{ManagedPort, managed_receive, managed_run};
+use multidrop::protocol::format::Framing;
+use multidrop::protocol::port_registers::{Mode, PortRegisters, Reason, Refused, Register};
+use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::server::Counted;
+use multidrop::sniff::{Capture, Observer};
 
 type Port<const HAS_NEIGHBOURS: bool> =
     ManagedPort<TestLine<HAS_NEIGHBOURS>, PortRegisters<Bank<4>, NoCoils, NoRules>, Counted<8>>;
 
 /// Who looks at a line.
 #[derive(Default)]
-struct Eyes(RefCell<Vec<Result<Vec<u8>, Flaws>>>);
+struct Eyes(RefCell<Vec<Result<Vec<u8>, ReceiveErrors>>>);
 
-impl Ear for Eyes {
-    fn hear(&self, seen: Result<&[u8], Flaws>) {
+impl Observer for Eyes {
+    fn hear(&self, seen: Result<&[u8], ReceiveErrors>) {
         self.0.borrow_mut().push(seen.map(<[u8]>::to_vec));
     }
 }
@@ -36,18 +34,18 @@ struct Opened<const HAS_NEIGHBOURS: bool> {
     eyes: &'static Eyes,
 }
 
-/// A port that counts, with its tasks; `tap` has what it prints.
+/// A port that counts, with its tasks; `capture` has what it prints.
 fn open<const HAS_NEIGHBOURS: bool>(
     bench: &mut Bench<'_>,
     config: PortConfig,
-    tap: Option<&'static Tap<264>>,
+    capture: Option<&'static Capture<264>>,
 ) -> Opened<HAS_NEIGHBOURS> {
     let wire = Wire::new(config.line());
     let eyes: &'static Eyes = Box::leak(Box::default());
-    wire.ear.set(Some(eyes));
+    wire.observer.set(Some(eyes));
     let port = Port::counted(TestLine(wire), &config, config.bank(), NoCoils);
-    let port = match tap {
-        Some(tap) => port.voiced(tap),
+    let port = match capture {
+        Some(capture) => port.printing(capture),
         None => port,
     };
     let port: &'static Port<HAS_NEIGHBOURS> = Box::leak(Box::new(port));
@@ -100,7 +98,7 @@ fn a_port_alone_answers_and_asks_as_others_do() {
     // Another unit's, and one that is damaged: counted, and not answered.
     wire.hear(Ok(vec![18, 3, 0, 0, 0, 1]));
     bench.run(SENDS + 3);
-    wire.hear(Err(Flaws::CHECK));
+    wire.hear(Err(ReceiveErrors::CHECK));
     bench.run(SENDS + 3);
     for (sub, count) in [(0x0B, 3), (0x0C, 1), (0x0E, 4)] {
         wire.hear(Ok(vec![17, 8, 0, sub, 0, 0]));
@@ -123,7 +121,7 @@ fn a_port_alone_answers_and_asks_as_others_do() {
     // Off it says nothing, whatever comes.
     port.load(Register::Mode, 2).unwrap();
     let before = wire.sent().len();
-    for heard in [Ok(READ.to_vec()), Err(Flaws::CHECK)] {
+    for heard in [Ok(READ.to_vec()), Err(ReceiveErrors::CHECK)] {
         wire.hear(heard);
         bench.run(SENDS + 3);
     }
@@ -138,27 +136,30 @@ fn a_port_that_prints_shows_nothing_of_its_own_line() {
         .mode(Mode::Sniffer)
         .framing(Framing::Text);
     let mut bench = Bench::new();
-    let tap: &'static Tap<264> = Box::leak(Box::new(Tap::new()));
-    let Opened { wire, port, eyes } = open::<true>(&mut bench, PRINTS, Some(tap));
-    for heard in [Ok(READ.to_vec()), Err(Flaws::CHECK)] {
+    let capture: &'static Capture<264> = Box::leak(Box::new(Capture::new()));
+    let Opened { wire, port, eyes } = open::<true>(&mut bench, PRINTS, Some(capture));
+    for heard in [Ok(READ.to_vec()), Err(ReceiveErrors::CHECK)] {
         wire.hear(heard);
         bench.run(10);
     }
     assert!(eyes.0.borrow().is_empty());
     assert!(wire.sent().is_empty());
-    tap.hear(Ok(&READ));
+    capture.hear(Ok(&READ));
     bench.run(10);
     assert_eq!(wire.sent().len(), 1);
     // With another framing it listens, and prints nothing.
     port.load(Register::Framing, 0).unwrap();
     bench.run(2);
-    tap.hear(Ok(&READ));
-    for heard in [Ok(READ.to_vec()), Err(Flaws::CHECK)] {
+    capture.hear(Ok(&READ));
+    for heard in [Ok(READ.to_vec()), Err(ReceiveErrors::CHECK)] {
         wire.hear(heard);
         bench.run(10);
     }
     assert_eq!(wire.sent().len(), 1);
-    assert_eq!(*eyes.0.borrow(), [Ok(READ.to_vec()), Err(Flaws::CHECK)]);
+    assert_eq!(
+        *eyes.0.borrow(),
+        [Ok(READ.to_vec()), Err(ReceiveErrors::CHECK)]
+    );
     // A damaged frame of others is no matter of a slave that this port may be: it counts as that only.
     let errors = |bench: &mut Bench<'_>| {
         wire.hear(Ok(vec![1, 8, 0, 0x0C, 0, 0]));
@@ -168,7 +169,7 @@ fn a_port_that_prints_shows_nothing_of_its_own_line() {
     port.load(Register::Mode, 1).unwrap();
     bench.run(2);
     assert_eq!(errors(&mut bench), Some(0));
-    wire.hear(Err(Flaws::PARITY));
+    wire.hear(Err(ReceiveErrors::PARITY));
     bench.run(3);
     assert_eq!(errors(&mut bench), Some(1));
 }

@@ -4,14 +4,14 @@
 mod bench;
 
 use bench::{Bench, SENDS, TestLine, Wire};
-use multidrop_firmware::PortConfig;
-use multidrop_firmware::client::ClientError;
-use multidrop_firmware::managed::{ManagedPort, managed_receive, managed_run};
-use multidrop_firmware::protocol::format::Framing;
-use multidrop_firmware::protocol::port_registers::{Mode, PortRegisters, Register};
-use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
-use multidrop_firmware::protocol::server::Counted;
-use multidrop_firmware::sniff::{Ear, Tap};
+use multidrop::PortConfig;
+use multidrop::client::ClientError;
+use multidrop::managed::{ManagedPort, managed_receive, managed_run};
+use multidrop::protocol::format::Framing;
+use multidrop::protocol::port_registers::{Mode, PortRegisters, Register};
+use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
+use multidrop::protocol::server::Counted;
+use multidrop::sniff::{Capture, Observer};
 
 type Port = ManagedPort<TestLine, PortRegisters<Bank<4>, NoCoils, NoRules>, Counted<8>>;
 
@@ -20,12 +20,12 @@ const RS4: PortConfig = PortConfig::new("RS4").slave_id(17).timeout_ms(50);
 fn open(
     bench: &mut Bench<'_>,
     config: PortConfig,
-    tap: Option<&'static Tap<264>>,
+    capture: Option<&'static Capture<264>>,
 ) -> (&'static Wire, &'static Port) {
     let wire = Wire::new(config.line());
     let port = Port::counted(TestLine(wire), &config, config.bank(), NoCoils);
-    let port = match tap {
-        Some(tap) => port.voiced(tap),
+    let port = match capture {
+        Some(capture) => port.printing(capture),
         None => port,
     };
     let port: &'static Port = Box::leak(Box::new(port));
@@ -97,11 +97,11 @@ fn text_that_did_not_go_out_is_said_again() {
         .mode(Mode::Sniffer)
         .framing(Framing::Text);
     let mut bench = Bench::new();
-    let tap: &'static Tap<264> = Box::leak(Box::new(Tap::new()));
-    let (wire, _) = open(&mut bench, PRINTS, Some(tap));
+    let capture: &'static Capture<264> = Box::leak(Box::new(Capture::new()));
+    let (wire, _) = open(&mut bench, PRINTS, Some(capture));
     for loses in [None, Some(false), Some(true)] {
         wire.loses.set(loses);
-        tap.hear(Ok(&[17, 3, 0, 0, 0, 1]));
+        capture.hear(Ok(&[17, 3, 0, 0, 0, 1]));
         bench.run(20);
     }
     let lines = String::from_utf8(wire.sent().concat()).unwrap();

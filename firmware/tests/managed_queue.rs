@@ -10,10 +10,10 @@ use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
 use bench::{Bench, Event, SENDS, TestLine, Wire};
-use multidrop_firmware::managed::{ManagedPort, managed_receive, managed_run};
-use multidrop_firmware::protocol::port_registers::{PortRegisters, Register};
-use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
-use multidrop_firmware::{ClientConfig, ClientError, PortConfig};
+use multidrop::managed::{ManagedPort, managed_receive, managed_run};
+use multidrop::protocol::port_registers::{PortRegisters, Register};
+use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
+use multidrop::{ClientConfig, ClientError, PortConfig};
 
 const RS4: PortConfig = PortConfig::new("RS4").client().slave_id(17).timeout_ms(50);
 const CONFIG: ClientConfig = ClientConfig::new().timeout_ms(50);

@@ -7,13 +7,13 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use bench::{Bench, Heard, TestLine, Wire};
-use multidrop_firmware::PortConfig;
-use multidrop_firmware::client::ClientError;
-use multidrop_firmware::managed::{Failure, ManagedPort, Outcome, managed_receive, managed_run};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::port_registers::{PortRegisters, Register};
-use multidrop_firmware::protocol::registers::{CoilBank, Items, NoRules, ScanList, SparseBank};
-use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop::PortConfig;
+use multidrop::client::ClientError;
+use multidrop::managed::{Failure, ManagedPort, Outcome, managed_receive, managed_run};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::port_registers::{PortRegisters, Register};
+use multidrop::protocol::registers::{CoilBank, Items, NoRules, ScanList, SparseBank};
+use multidrop::protocol::rtu::ReceiveErrors;
 
 const RS4: PortConfig = PortConfig::new("RS4")
     .client()
@@ -128,8 +128,8 @@ fn the_first_failure_of_a_walk_is_told_whatever_comes_behind_it() {
     let cells = || [0, 1, 2].map(|place| walked.read(Register::Regs(place)));
     let all = |first, second, third| vec![(1, 4, first), (2, 1000, second), (3, 4, third)];
     let refused = ClientError::Exception(Exception::IllegalDataAddress);
-    let damaged = ClientError::Damaged(Flaws::CHECK);
-    let damage = || Does::Hear(Err(Flaws::CHECK));
+    let damaged = ClientError::Damaged(ReceiveErrors::CHECK);
+    let damage = || Does::Hear(Err(ReceiveErrors::CHECK));
     for (does, expected, now, counts) in [
         (
             all(Does::Tell(11), Does::Tell(12), Does::Tell(13)),

@@ -4,12 +4,12 @@
 mod bench;
 
 use bench::{Bench, Event, Heard, TestLine, Wire};
-use multidrop_firmware::PortConfig;
-use multidrop_firmware::line::Role;
-use multidrop_firmware::managed::{ManagedPort, managed_receive, managed_run};
-use multidrop_firmware::manager::{self, Managed, Manager};
-use multidrop_firmware::protocol::port_registers::{PortRegisters, Register};
-use multidrop_firmware::protocol::registers::{Bank, CoilBank, NoRules};
+use multidrop::PortConfig;
+use multidrop::line::Role;
+use multidrop::managed::{ManagedPort, managed_receive, managed_run};
+use multidrop::manager::{self, Managed, Manager};
+use multidrop::protocol::port_registers::{PortRegisters, Register};
+use multidrop::protocol::registers::{Bank, CoilBank, NoRules};
 
 const PORTS: [PortConfig; 3] = manager::table([
     PortConfig::new("AS1").slave_id(17).baud(38_400),

@@ -7,15 +7,15 @@ use std::ptr::NonNull;
 use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
-use multidrop_firmware::demo_unit::DemoUnit;
-use multidrop_firmware::faults::{Asked, Failure, Faults, keep, use_up_stack};
-use multidrop_firmware::line::{Key, Lend, Line, LineConfig, LineError};
-use multidrop_firmware::protocol::Adu;
-use multidrop_firmware::protocol::port_registers::Duplex;
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::protocol::server::{Counted, DataModel, Server};
-use multidrop_firmware::yardstick::Yardstick;
-use multidrop_firmware::{Port, PortConfig, ResetCause, Stack};
+use multidrop::demo_unit::DemoUnit;
+use multidrop::faults::{Asked, Failure, Faults, keep, use_up_stack};
+use multidrop::line::{Key, Lend, Line, LineConfig, LineError};
+use multidrop::protocol::Adu;
+use multidrop::protocol::port_registers::Duplex;
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::server::{Counted, DataModel, Server};
+use multidrop::yardstick::Yardstick;
+use multidrop::{PortConfig, ResetCause, ServerPort, Stack};
 
 /// The PDU answered to this PDU.
 fn ask<M: DataModel>(model: &mut M, pdu: &[u8]) -> Vec<u8> {
@@ -272,7 +272,7 @@ struct Buffer {
 
 // SAFETY: nothing is lent but the right to it.
 unsafe impl Lend for Buffer {
-    fn poll_received(&self, _: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+    fn poll_received(&self, _: &mut Context<'_>, _: Key) -> Poll<Result<u8, ReceiveErrors>> {
         unreachable!("it is not asked to")
     }
 
@@ -306,7 +306,7 @@ unsafe impl Lend for Buffer {
 }
 
 impl Line for Buffer {
-    async fn quiet(&self) -> Flaws {
+    async fn quiet(&self) -> ReceiveErrors {
         unreachable!("it is not asked to")
     }
     fn check(&self, _: &LineConfig) -> Result<(), LineError> {
@@ -327,7 +327,7 @@ fn a_buffer_that_is_kept_is_kept_until_the_task_ends() {
         is_lent,
         may_be_lent,
     };
-    let port: &'static Port<Buffer> = Box::leak(Box::new(Port::new(line, &PORT)));
+    let port: &'static ServerPort<Buffer> = Box::leak(Box::new(ServerPort::new(line, &PORT)));
     let mut context = Context::from_waker(Waker::noop());
     {
         let mut kept = pin!(keep(port));
@@ -352,7 +352,7 @@ fn a_line_that_does_not_say_otherwise_is_one_pair_and_cuts_nothing_off() {
     assert!(!line.may_be(Duplex::Full));
     assert!(!line.was_cut());
     line.show(Ok(&[1, 2, 3]));
-    line.show(Err(Flaws::CHECK));
+    line.show(Err(ReceiveErrors::CHECK));
     const { assert!(!Buffer::HAS_NEIGHBOURS) };
 }
 

@@ -2,12 +2,12 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use multidrop_firmware::line::{InterCharacter, LineConfig, Role};
-use multidrop_firmware::manager;
-use multidrop_firmware::protocol::format::{Framing, LineFormat};
-use multidrop_firmware::protocol::port_registers::{Duplex, Flow, Mode, Settings};
-use multidrop_firmware::protocol::registers::{Bank, CoilBank, Items};
-use multidrop_firmware::{ClientConfig, PortConfig};
+use multidrop::line::{InterCharacter, LineConfig, Role};
+use multidrop::manager;
+use multidrop::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::port_registers::{Duplex, Flow, Mode, PortSettings};
+use multidrop::protocol::registers::{Bank, CoilBank, Items};
+use multidrop::{ClientConfig, PortConfig};
 
 /// What would stop the build; `None` if nothing does.
 fn refused<R>(build: impl FnOnce() -> R) -> Option<String> {
@@ -310,7 +310,7 @@ fn what_is_set_goes_to_the_line_and_to_the_client() {
 fn what_is_not_set_is_the_standards() {
     let port = PortConfig::new("RS4");
     assert_eq!((port.name(), port.unit()), ("RS4", 1));
-    assert_eq!(*port.settings(), Settings::DEFAULT);
+    assert_eq!(*port.settings(), PortSettings::DEFAULT);
     assert_eq!(port.line(), LineConfig::DEFAULT);
     assert_eq!(port.times(), ClientConfig::new());
     assert_eq!(port.times(), ClientConfig::default());

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::task::{Context, Poll, Wake, Waker};
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use multidrop_firmware::roll::Watchdog;
-use multidrop_firmware::{Roll, signed};
+use multidrop::roll::Watchdog;
+use multidrop::{Roll, signed};
 
 /// A task that counts how often it is woken.
 #[derive(Default)]

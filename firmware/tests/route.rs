@@ -5,11 +5,11 @@ mod desk;
 use std::cell::Cell;
 use std::rc::Rc;
 
-use desk::routed::{Asker, open, sent};
+use desk::routed::{ClientSide, open, sent};
 use desk::{Desk, Heard, Registers, SENDS, TestLine, Wire};
-use multidrop_firmware::protocol::port_registers::Register;
-use multidrop_firmware::protocol::registers::NoCoils;
-use multidrop_firmware::{ClientConfig, ManagedPort, PortConfig, managed_receive, managed_run};
+use multidrop::protocol::port_registers::Register;
+use multidrop::protocol::registers::NoCoils;
+use multidrop::{ClientConfig, ManagedPort, PortConfig, managed_receive, managed_run};
 
 const TIMEOUT: u64 = 50;
 const CONFIG: ClientConfig = ClientConfig::new().timeout_ms(TIMEOUT as u16);
@@ -32,7 +32,7 @@ fn bus(delay: impl Fn(&[u8]) -> u64 + 'static) -> impl FnMut(&[u8]) -> Vec<(u64,
 }
 
 /// A port that asks through the desk's own.
-fn asker<const N: usize>(desk: &mut Desk<'_, N>) -> &'static Wire {
+fn client<const N: usize>(desk: &mut Desk<'_, N>) -> &'static Wire {
     let through = desk.port.client(CONFIG);
     open(desk, through).0
 }
@@ -49,7 +49,7 @@ fn told(unit: u8, target: u8, address: u8) -> Vec<u8> {
 #[test]
 fn a_request_goes_through_and_its_answer_comes_back() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
-    let wire = asker(&mut desk);
+    let wire = client(&mut desk);
     for (unit, target) in [(2, 2), (4, 17), (3, 3)] {
         wire.comes(1, read(unit, 7));
         desk.run(EXCHANGE + SENDS + 2);
@@ -67,7 +67,7 @@ fn a_request_goes_through_and_its_answer_comes_back() {
 #[test]
 fn others_units_and_broadcasts_are_not_routed() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
-    let wire = asker(&mut desk);
+    let wire = client(&mut desk);
     for unit in [6, 247, 248, 255] {
         wire.comes(1, read(unit, 7));
         // Given back before it stands.
@@ -131,7 +131,7 @@ fn a_port_behind_that_is_no_master_is_no_path() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let far = desk.other();
     let behind = ManagedPort::new(TestLine(far), &BEHIND, BEHIND.bank(), NoCoils);
-    let behind: &'static Asker = Box::leak(Box::new(behind));
+    let behind: &'static ClientSide = Box::leak(Box::new(behind));
     desk.spawn(async move { managed_receive(behind).await });
     desk.spawn(async move { managed_run(behind).await });
     let (wire, _) = open(&mut desk, behind.client(CONFIG));
@@ -159,7 +159,7 @@ fn a_port_behind_that_is_no_master_is_no_path() {
 #[test]
 fn a_missing_unit_is_told_within_the_routes_timeout() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
-    let wire = asker(&mut desk);
+    let wire = client(&mut desk);
     wire.comes(1, read(5, 7));
     desk.run(SENDS + TIMEOUT + SENDS + 6);
     assert_eq!(sent(wire), [[5, 0x83, 0x0B]]);
@@ -174,7 +174,7 @@ fn an_answer_that_comes_too_late_is_not_taken_for_the_next() {
     let slow = Rc::new(Cell::new(true));
     let first = slow.clone();
     let mut desk = Desk::<1>::new(bus(move |_| if first.take() { TIMEOUT + 3 } else { DELAY }));
-    let wire = asker(&mut desk);
+    let wire = client(&mut desk);
     wire.comes(1, read(2, 7));
     desk.run(SENDS + TIMEOUT + SENDS + 6);
     assert_eq!(sent(wire), [[2, 0x83, 0x0B]]);
@@ -184,19 +184,19 @@ fn an_answer_that_comes_too_late_is_not_taken_for_the_next() {
 }
 
 #[test]
-fn two_askers_take_turns_on_one_bus() {
+fn two_clients_take_turns_on_one_bus() {
     let mut desk = Desk::<2>::new(bus(|_| DELAY));
-    let askers = [asker(&mut desk), asker(&mut desk)];
+    let clients = [client(&mut desk), client(&mut desk)];
     let mut expected = [vec![], vec![]];
     for address in 0..20 {
-        for (place, wire) in askers.iter().enumerate() {
+        for (place, wire) in clients.iter().enumerate() {
             let unit = 2 + place as u8;
             wire.comes(1, read(unit, address));
             expected[place].push(told(unit, unit, address));
         }
         desk.run(2 * EXCHANGE + SENDS + 4);
     }
-    assert_eq!([sent(askers[0]), sent(askers[1])], expected);
+    assert_eq!([sent(clients[0]), sent(clients[1])], expected);
     // One after the other: each request began when the answer to the one before was over.
     let requests = desk.wire.sent.borrow();
     let apart = requests.windows(2).map(|pair| pair[1].0 - pair[0].0);
@@ -208,7 +208,7 @@ fn two_askers_take_turns_on_one_bus() {
 #[test]
 fn whoever_asks_again_has_given_the_first_up() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
-    let wire = asker(&mut desk);
+    let wire = client(&mut desk);
     // A frame begins when the one before has stood, and the answer would go out after the last of these.
     for second in 2..SENDS + DELAY + 1 {
         wire.comes(1, read(2, 7));
@@ -223,7 +223,7 @@ fn whoever_asks_again_has_given_the_first_up() {
 #[test]
 fn a_request_to_another_unit_means_the_same() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
-    let wire = asker(&mut desk);
+    let wire = client(&mut desk);
     wire.comes(1, read(2, 7));
     wire.comes(8, read(77, 8));
     desk.run(4 * EXCHANGE);
@@ -234,7 +234,7 @@ fn a_request_to_another_unit_means_the_same() {
 #[test]
 fn a_request_that_turns_out_void_is_not_asked() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
-    let wire = asker(&mut desk);
+    let wire = client(&mut desk);
     wire.comes(1, Heard::Void(vec![2, 6, 0, 1, 0, 1]));
     desk.run(4 * EXCHANGE);
     assert_eq!(desk.sent(), [[0; 0]; 0]);
@@ -242,14 +242,14 @@ fn a_request_that_turns_out_void_is_not_asked() {
 }
 
 #[test]
-fn too_many_askers_are_told_that_there_is_no_path() {
+fn too_many_clients_are_told_that_there_is_no_path() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
-    let askers = [asker(&mut desk), asker(&mut desk), asker(&mut desk)];
-    for wire in askers {
+    let clients = [client(&mut desk), client(&mut desk), client(&mut desk)];
+    for wire in clients {
         wire.comes(1, read(2, 7));
     }
     desk.run(4 * EXCHANGE);
-    let answers = askers.map(|wire| sent(wire)[0].clone());
+    let answers = clients.map(|wire| sent(wire)[0].clone());
     let refused = answers.iter().filter(|answer| **answer == [2, 0x83, 0x0A]);
     assert_eq!(refused.count(), 1, "{answers:02X?}");
     assert_eq!(answers.iter().filter(|a| **a == told(2, 2, 7)).count(), 2);
@@ -258,7 +258,7 @@ fn too_many_askers_are_told_that_there_is_no_path() {
 #[test]
 fn a_bus_that_is_never_silent_is_no_path() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
-    let wire = asker(&mut desk);
+    let wire = client(&mut desk);
     desk.wire.comes(1, Heard::Talk(10 * TIMEOUT));
     wire.comes(5, read(2, 7));
     desk.run(TIMEOUT + 5 * SENDS);

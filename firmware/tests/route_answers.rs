@@ -4,8 +4,8 @@ mod desk;
 
 use desk::routed::{open, sent};
 use desk::{Desk, Heard, SENDS, Wire};
-use multidrop_firmware::ClientConfig;
-use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop::ClientConfig;
+use multidrop::protocol::rtu::ReceiveErrors;
 
 const TIMEOUT: u64 = 50;
 const TURNAROUND: u64 = 30;
@@ -17,7 +17,7 @@ const DELAY: u64 = 10;
 /// An exchange that is not answered, and the way through the router and back.
 const IN_VAIN: u64 = SENDS + TIMEOUT + SENDS + 6;
 
-/// What the asker is told of this request, to unit 4, where these come from behind, of unit 17.
+/// What the client is told of this request, to unit 4, where these come from behind, of unit 17.
 fn told(request: &[u8], behind: &[Heard]) -> Vec<Vec<u8>> {
     let behind = behind.to_vec();
     let mut desk = Desk::<1>::new(move |_| {
@@ -200,15 +200,18 @@ fn what_is_no_answer_is_told_as_none() {
             vec![Heard::Frame(vec![18, 3, 2, 1, 2])],
             no_answer(&request),
         ),
-        // The asker's name for it, which it does not have there.
+        // The client's name for it, which it does not have there.
         (vec![Heard::Frame(vec![4, 3, 2, 1, 2])], no_answer(&request)),
         (vec![answer(&[4, 2, 1, 2])], no_answer(&request)),
-        (vec![Heard::Damaged(Flaws::CHECK)], no_answer(&request)),
+        (
+            vec![Heard::Damaged(ReceiveErrors::CHECK)],
+            no_answer(&request),
+        ),
         (vec![Heard::Void([&[17], &right[..]].concat())], {
             no_answer(&request)
         }),
         (
-            vec![Heard::Damaged(Flaws::CHECK), good.clone()],
+            vec![Heard::Damaged(ReceiveErrors::CHECK), good.clone()],
             vec![right.to_vec()],
         ),
         (vec![good.clone(), good], vec![right.to_vec()]),

@@ -4,13 +4,13 @@
 mod bench;
 
 use bench::{Bench, Event, TestLine, Wire};
-use multidrop_firmware::PortConfig;
-use multidrop_firmware::managed::{ManagedPort, managed_receive, managed_run};
-use multidrop_firmware::protocol::format::Framing;
-use multidrop_firmware::protocol::port_registers::{Mode, PortRegisters, Register};
-use multidrop_firmware::protocol::registers::{Bank, CoilBank, NoRules};
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::sniff::{Seen, Tap};
+use multidrop::PortConfig;
+use multidrop::managed::{ManagedPort, managed_receive, managed_run};
+use multidrop::protocol::format::Framing;
+use multidrop::protocol::port_registers::{Mode, PortRegisters, Register};
+use multidrop::protocol::registers::{Bank, CoilBank, NoRules};
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::sniff::{Capture, Seen};
 
 const RS4: PortConfig = PortConfig::new("RS4")
     .mode(Mode::Sniffer)
@@ -28,16 +28,16 @@ struct Setup {
     printed: &'static Wire,
     rs4: &'static Port,
     rs2: &'static Port,
-    tap: &'static Tap<384>,
+    capture: &'static Capture<384>,
 }
 
 /// A port that listens, and one that prints it.
 fn setup(bench: &mut Bench<'_>) -> Setup {
-    let tap: &'static Tap<384> = Box::leak(Box::new(Tap::new()));
+    let capture: &'static Capture<384> = Box::leak(Box::new(Capture::new()));
     let mut open = |config: PortConfig, prints: bool| {
         let wire = Wire::new(config.line());
         let port = Port::new(TestLine(wire), &config, Bank::new(0), CoilBank::new(0, 16));
-        let port = if prints { port.voiced(tap) } else { port };
+        let port = if prints { port.printing(capture) } else { port };
         let port: &'static Port = Box::leak(Box::new(port));
         bench.wire(wire);
         bench.spawn(async move { managed_receive(port).await });
@@ -46,14 +46,14 @@ fn setup(bench: &mut Bench<'_>) -> Setup {
     };
     let (heard, rs4) = open(RS4, false);
     let (printed, rs2) = open(RS2, true);
-    heard.ear.set(Some(tap));
+    heard.observer.set(Some(capture));
     bench.poll();
     Setup {
         heard,
         printed,
         rs4,
         rs2,
-        tap,
+        capture,
     }
 }
 
@@ -79,7 +79,7 @@ fn requests_answers_and_damaged_frames_are_printed_with_their_times() {
         Ok(vec![17, 3, 0, 0x6B, 0, 1]),
         Ok(vec![17, 3, 2, 0xAB, 0xCD]),
         Ok(vec![18, 3, 0, 0, 0, 1]),
-        Err(Flaws::CHECK | Flaws::GAP),
+        Err(ReceiveErrors::CHECK | ReceiveErrors::GAP),
         Ok(vec![18, 0x83, 2]),
     ];
     for frame in frames {
@@ -95,7 +95,7 @@ fn requests_answers_and_damaged_frames_are_printed_with_their_times() {
          0.031000 bad gap check\r\n\
          0.042000 exc 12 83 02\r\n"
     );
-    let heard = setup.tap.heard();
+    let heard = setup.capture.counts();
     assert_eq!(
         (
             heard.requests,
@@ -106,7 +106,7 @@ fn requests_answers_and_damaged_frames_are_printed_with_their_times() {
         (2, 1, 1, 1)
     );
     assert!(setup.heard.sent().is_empty(), "a sniffer does not talk");
-    assert_eq!(setup.tap.dropped(), 0);
+    assert_eq!(setup.capture.dropped(), 0);
 }
 
 #[test]
@@ -135,8 +135,8 @@ fn what_finds_no_room_is_counted_and_the_rest_is_whole() {
     }
     bench.run(300);
     let lines = lines(setup.printed);
-    assert_eq!(lines.len() as u32 + setup.tap.dropped(), 100);
-    assert!(setup.tap.dropped() > 10 && lines.len() > 40);
+    assert_eq!(lines.len() as u32 + setup.capture.dropped(), 100);
+    assert!(setup.capture.dropped() > 10 && lines.len() > 40);
     for line in lines {
         assert!(line.starts_with("req 11 06 00 ") || line.starts_with("ans 11 06 00 "));
         assert_eq!(line.len(), 21);
@@ -150,7 +150,7 @@ fn a_master_shows_what_it_asks_and_what_it_hears() {
     setup.rs4.load(Register::Mode, 0).unwrap();
     let answers = [
         vec![],
-        vec![(3, Err(Flaws::CHECK))],
+        vec![(3, Err(ReceiveErrors::CHECK))],
         vec![(3, Ok(vec![1, 3, 2, 0, 7]))],
     ];
     for answer in answers {
@@ -169,7 +169,7 @@ fn a_master_shows_what_it_asks_and_what_it_hears() {
             "ans 01 03 02 00 07"
         ]
     );
-    assert_eq!(setup.tap.heard().unanswered, 2);
+    assert_eq!(setup.capture.counts().unanswered, 2);
 }
 
 #[test]
@@ -207,7 +207,7 @@ fn the_application_may_take_them_itself() {
     let setup = setup(&mut bench);
     setup.rs2.load(Register::Mode, 2).unwrap();
     bench.run(1);
-    let first = bench.ask(setup.tap.next(|time, seen| {
+    let first = bench.ask(setup.capture.next(|time, seen| {
         let Seen::Frame(direction, frame) = seen else {
             panic!("{seen:?}");
         };
@@ -219,12 +219,12 @@ fn the_application_may_take_them_itself() {
     bench.run(5);
     let expected = (8_000, "Request".to_owned(), vec![17, 3, 0, 0, 0, 1]);
     assert_eq!(first.take(), Some(expected));
-    setup.heard.hear(Err(Flaws::PARITY));
+    setup.heard.hear(Err(ReceiveErrors::PARITY));
     bench.run(5);
     let second = bench.ask(
         setup
-            .tap
-            .next(|_, seen| seen == Seen::Damaged(Flaws::PARITY)),
+            .capture
+            .next(|_, seen| seen == Seen::Damaged(ReceiveErrors::PARITY)),
     );
     assert_eq!(second.take(), Some(true));
 }

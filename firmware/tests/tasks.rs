@@ -8,17 +8,17 @@ use std::pin::Pin;
 use std::ptr::NonNull;
 use std::task::{Context, Poll, Waker};
 
-use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError, TransmitError};
-use multidrop_firmware::protocol::data::{Registers, RegistersOut};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::registers::Bank;
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::protocol::server::{ApplicationFunction, Counted, DataModel};
-use multidrop_firmware::{Port, PortConfig, Shared};
+use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError, TransmitError};
+use multidrop::protocol::data::{Registers, RegistersOut};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::registers::Bank;
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::server::{ApplicationFunction, Counted, DataModel};
+use multidrop::{PortConfig, ServerPort, Shared};
 
 #[derive(Default)]
 struct Wire {
-    heard: RefCell<Option<Result<Vec<u8>, Flaws>>>,
+    heard: RefCell<Option<Result<Vec<u8>, ReceiveErrors>>>,
     lent: Cell<bool>,
     verdict: Cell<Option<bool>>,
     released: Cell<u8>,
@@ -38,10 +38,10 @@ struct TestLine(&'static Wire);
 
 // SAFETY: what is lent is leaked, and lent once.
 unsafe impl Lend for TestLine {
-    fn poll_received(&self, _: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+    fn poll_received(&self, _: &mut Context<'_>, _: Key) -> Poll<Result<u8, ReceiveErrors>> {
         match self.0.heard.borrow_mut().take() {
             None => Poll::Pending,
-            Some(Err(flaws)) => Poll::Ready(Err(flaws)),
+            Some(Err(errors)) => Poll::Ready(Err(errors)),
             Some(Ok(bytes)) => {
                 assert!(!self.0.lent.replace(true), "lent twice");
                 let adu = Box::leak(Box::new([0; 256]));
@@ -92,8 +92,8 @@ unsafe impl Lend for TestLine {
 }
 
 impl Line for TestLine {
-    async fn quiet(&self) -> Flaws {
-        Flaws::NONE
+    async fn quiet(&self) -> ReceiveErrors {
+        ReceiveErrors::NONE
     }
 
     fn check(&self, _: &LineConfig) -> Result<(), LineError> {
@@ -171,15 +171,16 @@ impl Bench {
     fn new() -> Self {
         const PORT: PortConfig = PortConfig::new("TEST").slave_id(17);
         let wire: &'static Wire = Box::leak(Box::default());
-        let port: &'static Port<TestLine> = Box::leak(Box::new(Port::new(TestLine(wire), &PORT)));
+        let port: &'static ServerPort<TestLine> =
+            Box::leak(Box::new(ServerPort::new(TestLine(wire), &PORT)));
         let model: &'static Shared<Model> =
             Box::leak(Box::new(Shared::new(Model { bank: Bank::new(0) })));
         Self {
             wire,
             model,
             tasks: vec![
-                Box::pin(async move { multidrop_firmware::receive(port).await }),
-                Box::pin(async move { multidrop_firmware::serve(port, model).await }),
+                Box::pin(async move { multidrop::receive(port).await }),
+                Box::pin(async move { multidrop::serve(port, model).await }),
             ],
         }
     }
@@ -290,7 +291,7 @@ fn other_units_frames_and_damaged_ones_are_given_back_unanswered() {
         assert!(!bench.wire.lent.get(), "unit {unit}");
         assert_eq!(bench.wire.released.get(), 0, "unit {unit}");
     }
-    *bench.wire.heard.borrow_mut() = Some(Err(Flaws::CHECK));
+    *bench.wire.heard.borrow_mut() = Some(Err(ReceiveErrors::CHECK));
     bench.run();
     bench.complete(&[0x11, 0x03, 0x00, 0x01, 0x00, 0x01]);
     bench.settle(true);
@@ -324,16 +325,16 @@ fn other_units_frames_are_not_handed_on() {
 fn an_answer_that_was_cut_off_is_one_that_is_missing() {
     const PORT: PortConfig = PortConfig::new("TEST").slave_id(17);
     let wire: &'static Wire = Box::leak(Box::default());
-    let port: &'static Port<TestLine, Counted<8>> =
-        Box::leak(Box::new(Port::counted(TestLine(wire), &PORT)));
+    let port: &'static ServerPort<TestLine, Counted<8>> =
+        Box::leak(Box::new(ServerPort::counted(TestLine(wire), &PORT)));
     let model: &'static Shared<Model> =
         Box::leak(Box::new(Shared::new(Model { bank: Bank::new(0) })));
     let mut bench = Bench {
         wire,
         model,
         tasks: vec![
-            Box::pin(async move { multidrop_firmware::receive(port).await }),
-            Box::pin(async move { multidrop_firmware::serve(port, model).await }),
+            Box::pin(async move { multidrop::receive(port).await }),
+            Box::pin(async move { multidrop::serve(port, model).await }),
         ],
     };
     let read = [0x11, 0x03, 0x00, 0x01, 0x00, 0x01];

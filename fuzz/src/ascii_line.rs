@@ -1,6 +1,6 @@
 //! Characters of ASCII in time, and what else befalls a line, on the simulated USART of the harness.
 
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 use crate::harness::ascii::{self, framed};
 use crate::harness::book::Book;
@@ -80,7 +80,11 @@ fn op(input: &mut Input, settings: &Settings) -> Op {
     if !bit(4) && !chars.is_empty() {
         let how = input.byte();
         let at = usize::from(how) % chars.len();
-        chars[at].flaws = [Flaws::PARITY, Flaws::FRAMING, Flaws::OVERRUN][usize::from(how % 3)];
+        chars[at].errors = [
+            ReceiveErrors::PARITY,
+            ReceiveErrors::FRAMING,
+            ReceiveErrors::OVERRUN,
+        ][usize::from(how % 3)];
     }
     Op::Talk {
         polite: bit(5),

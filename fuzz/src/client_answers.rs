@@ -6,8 +6,8 @@ use multidrop_protocol::client::{
 };
 use multidrop_protocol::exception::Exception;
 
-use crate::asker::{Ask, Verdict};
 use crate::input::Input;
+use crate::reference_client::{Ask, Verdict};
 
 /// Which request, and to which unit; then what is heard, each a byte that says how it is made of the right answer,
 /// and some for what it is made of.

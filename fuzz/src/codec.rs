@@ -1,7 +1,7 @@
 //! Frames as a whole and byte by byte.
 
 use multidrop_protocol::Adu;
-use multidrop_protocol::rtu::{self, EncodeError, Flaws, Reception, Transmission};
+use multidrop_protocol::rtu::{self, EncodeError, ReceiveErrors, Reception, Transmission};
 
 use crate::harness::book;
 
@@ -53,12 +53,12 @@ fn decode(bytes: &[u8]) {
     assert_eq!(whole.ok(), book::unframed(bytes));
     match whole {
         Ok(body) => {
-            assert_eq!(heard.flaws, Flaws::NONE);
+            assert_eq!(heard.errors, ReceiveErrors::NONE);
             assert_eq!(&adu[..heard.len.into()], body);
         }
         // What no longer fits is not summed up.
-        Err(_) if bytes.len() > 256 => assert!(heard.flaws.contains(Flaws::LENGTH)),
-        Err(flaws) => assert_eq!(heard.flaws, flaws),
+        Err(_) if bytes.len() > 256 => assert!(heard.errors.contains(ReceiveErrors::LENGTH)),
+        Err(errors) => assert_eq!(heard.errors, errors),
     }
     let kept = bytes.len().min(256);
     assert_eq!(&adu[..kept], &bytes[..kept]);

@@ -7,13 +7,13 @@ mod harness;
 mod plain;
 
 mod ascii_line;
-/// The standard read line by line, for a client.
-#[path = "../../protocol/tests/asker/mod.rs"]
-mod asker;
 mod client_answers;
 mod codec;
 mod input;
 mod port_load;
+/// The standard read line by line, for a client.
+#[path = "../../protocol/tests/reference_client/mod.rs"]
+mod reference_client;
 mod rtu_line;
 mod server_pdu;
 

@@ -1,8 +1,8 @@
 //! Requests to a server, one after the other, compared with a plain reading of the standard.
 
-use multidrop_firmware::conformance::Conformance;
+use multidrop::conformance::Conformance;
 use multidrop_protocol::Adu;
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 use multidrop_protocol::server::{Counted, DataModel, Plan, Server};
 
 use crate::harness::book::Book;
@@ -34,9 +34,9 @@ fn ask_conformance(mut input: Input) {
         if len < 2 {
             let overrun = len == 1;
             server.damaged(if overrun {
-                Flaws::OVERRUN
+                ReceiveErrors::OVERRUN
             } else {
-                Flaws::CHECK
+                ReceiveErrors::CHECK
             });
             assert_eq!(plain.hears(&Heard::Bad { overrun }), None);
             continue;

@@ -8,7 +8,7 @@
 //! a digit, `:` or CR has its other meaning everywhere else.
 
 use crate::Adu;
-use crate::rtu::{EncodeError, Flaws, Heard};
+use crate::rtu::{EncodeError, ReceiveErrors, Received};
 
 /// Characters of the shortest ASCII frame: unit id, function code, LRC.
 pub const ADU_MIN: usize = 9;
@@ -56,7 +56,7 @@ const fn character(digit: u8) -> u8 {
 
 /// What a character has done to the frame that comes in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
+pub enum Decoded {
     /// The frame goes on.
     More,
     /// The same, and a byte of it is whole.
@@ -81,7 +81,7 @@ pub struct Reception {
     digit: u8,
     after_cr: bool,
     delimiter: u8,
-    flaws: Flaws,
+    errors: ReceiveErrors,
 }
 
 impl Reception {
@@ -94,76 +94,76 @@ impl Reception {
             digit: NO_DIGIT,
             after_cr: false,
             delimiter,
-            flaws: Flaws::NONE,
+            errors: ReceiveErrors::NONE,
         }
     }
 
     /// Takes the next character. A frame with a flaw is followed to its end and gives no more bytes.
     #[inline]
-    pub fn push(&mut self, character: u8) -> Step {
+    pub fn push(&mut self, character: u8) -> Decoded {
         if core::mem::take(&mut self.after_cr) {
             if character == self.delimiter {
-                return Step::End;
+                return Decoded::End;
             }
-            self.flaws |= Flaws::CHARACTER;
+            self.errors |= ReceiveErrors::CHARACTER;
         }
         match character {
-            START => return Step::Start,
+            START => return Decoded::Start,
             CR => self.after_cr = true,
             _ => match digit(character) {
-                None => self.flaws |= Flaws::CHARACTER,
+                None => self.errors |= ReceiveErrors::CHARACTER,
                 Some(digit) => return self.push_digit(digit),
             },
         }
-        Step::More
+        Decoded::More
     }
 
     #[inline(always)]
-    fn push_digit(&mut self, digit: u8) -> Step {
+    fn push_digit(&mut self, digit: u8) -> Decoded {
         let first = core::mem::replace(&mut self.digit, NO_DIGIT);
         if first == NO_DIGIT {
             self.digit = digit;
-            return Step::More;
+            return Decoded::More;
         }
         if self.len == BYTES_MAX {
-            self.flaws |= Flaws::LENGTH;
+            self.errors |= ReceiveErrors::LENGTH;
         }
-        if !self.flaws.is_empty() {
-            return Step::More;
+        if !self.errors.is_empty() {
+            return Decoded::More;
         }
         let byte = first << 4 | digit;
         let at = self.len;
         self.len += 1;
         self.sum = self.sum.wrapping_add(byte);
-        Step::Byte { at, byte }
+        Decoded::Byte { at, byte }
     }
 
-    /// Notes a character that came with flaws, whatever it was, or a byte that could not be stored.
+    /// Notes a character that came with errors, whatever it was, or a byte that could not be stored.
     #[inline(always)]
-    pub fn add(&mut self, flaws: Flaws) {
+    pub fn add(&mut self, errors: ReceiveErrors) {
         self.after_cr = false;
-        self.flaws |= flaws;
+        self.errors |= errors;
     }
 
     /// What is wrong so far, apart from not being over.
     #[inline(always)]
-    pub const fn flaws(&self) -> Flaws {
-        self.flaws
+    pub const fn errors(&self) -> ReceiveErrors {
+        self.errors
     }
 
     /// What has come in so far, taken for a whole frame.
     #[inline]
-    pub const fn finish(&self) -> Heard {
-        let mut flaws = self.flaws;
+    pub const fn finish(&self) -> Received {
+        let mut errors = self.errors;
         if self.sum != 0 {
-            flaws = flaws.union(Flaws::CHECK);
+            errors = errors.union(ReceiveErrors::CHECK);
         }
         if self.len < BYTES_MIN || self.digit != NO_DIGIT {
-            flaws = flaws.union(Flaws::LENGTH);
+            errors = errors.union(ReceiveErrors::LENGTH);
         }
-        Heard {
+        Received {
             len: self.len.saturating_sub(1),
-            flaws,
+            errors,
         }
     }
 }
@@ -295,27 +295,27 @@ pub fn encode<'a>(
 ///
 /// # Errors
 ///
-/// The [`Flaws`] of the frame: [`Flaws::CHARACTER`] too where it does not begin with `:`, has one inside, or goes on behind its
-/// delimiter, [`Flaws::LENGTH`] where it has none. What is in `out` has no meaning then.
-pub fn decode<'a>(adu: &[u8], delimiter: u8, out: &'a mut Adu) -> Result<&'a [u8], Flaws> {
+/// The [`ReceiveErrors`] of the frame: [`ReceiveErrors::CHARACTER`] too where it does not begin with `:`, has one inside, or goes on behind its
+/// delimiter, [`ReceiveErrors::LENGTH`] where it has none. What is in `out` has no meaning then.
+pub fn decode<'a>(adu: &[u8], delimiter: u8, out: &'a mut Adu) -> Result<&'a [u8], ReceiveErrors> {
     let mut reception = Reception::new(delimiter);
     let Some((&START, rest)) = adu.split_first() else {
-        return Err(Flaws::CHARACTER);
+        return Err(ReceiveErrors::CHARACTER);
     };
     for (index, &character) in rest.iter().enumerate() {
         match reception.push(character) {
-            Step::More => {}
-            Step::Byte { at, byte } => out[usize::from(at)] = byte,
-            Step::End if index + 1 == rest.len() => {
+            Decoded::More => {}
+            Decoded::Byte { at, byte } => out[usize::from(at)] = byte,
+            Decoded::End if index + 1 == rest.len() => {
                 let heard = reception.finish();
-                return if heard.flaws.is_empty() {
+                return if heard.errors.is_empty() {
                     Ok(&out[..usize::from(heard.len)])
                 } else {
-                    Err(heard.flaws)
+                    Err(heard.errors)
                 };
             }
-            Step::Start | Step::End => reception.add(Flaws::CHARACTER),
+            Decoded::Start | Decoded::End => reception.add(ReceiveErrors::CHARACTER),
         }
     }
-    Err(reception.flaws() | Flaws::LENGTH)
+    Err(reception.errors() | ReceiveErrors::LENGTH)
 }

@@ -22,29 +22,29 @@ const CRC_LEN: u8 = 2;
 ///
 /// A frame with any flaw is dropped and never answered (SER 2.5.1.1, 2.5.1.3, 2.5.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Flaws(u8);
+pub struct ReceiveErrors(u8);
 
-impl Flaws {
+impl ReceiveErrors {
     /// Nothing is wrong.
-    pub const NONE: Flaws = Flaws(0);
+    pub const NONE: ReceiveErrors = ReceiveErrors(0);
     /// A silence over t1.5 inside an RTU frame, over a second inside an ASCII frame (SER 2.5.1.1, 2.5.2).
-    pub const GAP: Flaws = Flaws(1 << 0);
+    pub const GAP: ReceiveErrors = ReceiveErrors(1 << 0);
     /// A character with wrong parity.
-    pub const PARITY: Flaws = Flaws(1 << 1);
+    pub const PARITY: ReceiveErrors = ReceiveErrors(1 << 1);
     /// A character without its stop bit.
-    pub const FRAMING: Flaws = Flaws(1 << 2);
+    pub const FRAMING: ReceiveErrors = ReceiveErrors(1 << 2);
     /// A character lost because the one before was not fetched in time.
-    pub const OVERRUN: Flaws = Flaws(1 << 3);
+    pub const OVERRUN: ReceiveErrors = ReceiveErrors(1 << 3);
     /// Under 4 or over 256 bytes; in ASCII under 9 or over 513 characters, or an odd number of digits.
-    pub const LENGTH: Flaws = Flaws(1 << 4);
+    pub const LENGTH: ReceiveErrors = ReceiveErrors(1 << 4);
     /// The CRC or LRC does not match.
-    pub const CHECK: Flaws = Flaws(1 << 5);
+    pub const CHECK: ReceiveErrors = ReceiveErrors(1 << 5);
     /// A character that ASCII does not allow where it stands.
-    pub const CHARACTER: Flaws = Flaws(1 << 6);
+    pub const CHARACTER: ReceiveErrors = ReceiveErrors(1 << 6);
 
     /// As it is the frame is too short, but its first character is kept elsewhere until the buffer is free. Nobody but the
     /// line sees the bit without a name.
-    pub(crate) const KEPT: Flaws = Flaws(1 << 7 | Flaws::LENGTH.0);
+    pub(crate) const KEPT: ReceiveErrors = ReceiveErrors(1 << 7 | ReceiveErrors::LENGTH.0);
 
     /// Whether the frame is good.
     #[inline(always)]
@@ -54,14 +54,14 @@ impl Flaws {
 
     /// Whether all of `other` is among these.
     #[inline(always)]
-    pub const fn contains(self, other: Flaws) -> bool {
+    pub const fn contains(self, other: ReceiveErrors) -> bool {
         self.0 & other.0 == other.0
     }
 
     /// These and `other`.
     #[inline(always)]
-    pub const fn union(self, other: Flaws) -> Flaws {
-        Flaws(self.0 | other.0)
+    pub const fn union(self, other: ReceiveErrors) -> ReceiveErrors {
+        ReceiveErrors(self.0 | other.0)
     }
 
     /// One bit per flaw, for a log or an atomic.
@@ -70,36 +70,36 @@ impl Flaws {
         self.0
     }
 
-    /// The flaws of [`bits`](Flaws::bits); bits without a meaning are dropped.
+    /// The errors of [`bits`](ReceiveErrors::bits); bits without a meaning are dropped.
     #[inline(always)]
-    pub const fn from_bits(bits: u8) -> Flaws {
-        Flaws(bits & 0x7F)
+    pub const fn from_bits(bits: u8) -> ReceiveErrors {
+        ReceiveErrors(bits & 0x7F)
     }
 }
 
-impl BitOr for Flaws {
-    type Output = Flaws;
+impl BitOr for ReceiveErrors {
+    type Output = ReceiveErrors;
     #[inline(always)]
-    fn bitor(self, other: Flaws) -> Flaws {
+    fn bitor(self, other: ReceiveErrors) -> ReceiveErrors {
         self.union(other)
     }
 }
 
-impl BitOrAssign for Flaws {
+impl BitOrAssign for ReceiveErrors {
     #[inline(always)]
-    fn bitor_assign(&mut self, other: Flaws) {
+    fn bitor_assign(&mut self, other: ReceiveErrors) {
         *self = self.union(other);
     }
 }
 
 /// A frame that is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Heard {
-    /// Bytes of unit id and PDU at the start of the buffer, without CRC or LRC: 2..=254 in a frame without flaws, 0..=254 in
+pub struct Received {
+    /// Bytes of unit id and PDU at the start of the buffer, without CRC or LRC: 2..=254 in a frame without errors, 0..=254 in
     /// one with.
     pub len: u8,
     /// What was wrong with it.
-    pub flaws: Flaws,
+    pub errors: ReceiveErrors,
 }
 
 /// Puts a frame together as its bytes come in.
@@ -110,7 +110,7 @@ pub struct Reception {
     sum: Sum,
     len: u8,
     full: bool,
-    flaws: Flaws,
+    errors: ReceiveErrors,
 }
 
 impl Reception {
@@ -121,7 +121,7 @@ impl Reception {
             sum: Sum::INIT,
             len: 0,
             full: false,
-            flaws: Flaws::NONE,
+            errors: ReceiveErrors::NONE,
         }
     }
 
@@ -133,7 +133,7 @@ impl Reception {
             sum: Sum::new(crc),
             len,
             full,
-            flaws: Flaws::NONE,
+            errors: ReceiveErrors::NONE,
         }
     }
 
@@ -146,14 +146,14 @@ impl Reception {
     /// Whether nothing has come in since the start: no byte and no flaw.
     #[inline(always)]
     pub const fn is_empty(&self) -> bool {
-        self.len == 0 && !self.full && self.flaws.is_empty()
+        self.len == 0 && !self.full && self.errors.is_empty()
     }
 
     /// Takes the next byte. Those that no longer fit are dropped and make the frame bad: returns whether it did fit.
     #[inline(always)]
     pub fn push(&mut self, adu: &mut Adu, byte: u8) -> bool {
         if self.full {
-            self.flaws |= Flaws::LENGTH;
+            self.errors |= ReceiveErrors::LENGTH;
             return false;
         }
         adu[usize::from(self.len)] = byte;
@@ -167,27 +167,27 @@ impl Reception {
 
     /// Notes what the line found wrong.
     #[inline(always)]
-    pub fn add(&mut self, flaws: Flaws) {
-        self.flaws |= flaws;
+    pub fn add(&mut self, errors: ReceiveErrors) {
+        self.errors |= errors;
     }
 
     /// What has come in so far, taken for a whole frame.
     #[inline]
-    pub const fn finish(&self) -> Heard {
-        let mut flaws = self.flaws;
+    pub const fn finish(&self) -> Received {
+        let mut errors = self.errors;
         if !self.sum.matches() {
-            flaws = flaws.union(Flaws::CHECK);
+            errors = errors.union(ReceiveErrors::CHECK);
         }
         if self.len < ADU_MIN as u8 && !self.full {
-            return Heard {
+            return Received {
                 len: self.len.saturating_sub(CRC_LEN),
-                flaws: flaws.union(Flaws::LENGTH),
+                errors: errors.union(ReceiveErrors::LENGTH),
             };
         }
         // A full buffer has gone round to 0, and 0 - 2 is 254 as it should be.
-        Heard {
+        Received {
             len: self.len.wrapping_sub(CRC_LEN),
-            flaws,
+            errors,
         }
     }
 }
@@ -307,18 +307,18 @@ pub fn encode<'a>(unit_pdu: &[u8], out: &'a mut [u8]) -> Result<&'a [u8], Encode
 ///
 /// # Errors
 ///
-/// [`Flaws::LENGTH`], [`Flaws::CHECK`] or both.
-pub fn decode(adu: &[u8]) -> Result<&[u8], Flaws> {
-    let mut flaws = Flaws::NONE;
+/// [`ReceiveErrors::LENGTH`], [`ReceiveErrors::CHECK`] or both.
+pub fn decode(adu: &[u8]) -> Result<&[u8], ReceiveErrors> {
+    let mut errors = ReceiveErrors::NONE;
     if crc::checksum(adu) != 0 {
-        flaws |= Flaws::CHECK;
+        errors |= ReceiveErrors::CHECK;
     }
     if !(ADU_MIN..=ADU_MAX).contains(&adu.len()) {
-        flaws |= Flaws::LENGTH;
+        errors |= ReceiveErrors::LENGTH;
     }
-    if flaws.is_empty() {
+    if errors.is_empty() {
         Ok(&adu[..adu.len() - 2])
     } else {
-        Err(flaws)
+        Err(errors)
     }
 }

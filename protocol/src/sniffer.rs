@@ -10,7 +10,7 @@
 use crate::BROADCAST;
 use crate::crc;
 use crate::function::{self, EXCEPTION_BIT};
-use crate::rtu::Flaws;
+use crate::rtu::ReceiveErrors;
 
 /// Which way a frame goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub enum Direction {
 
 /// What was heard, counted since the start. The counters go round.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Heard {
+pub struct Counts {
     /// Requests, broadcasts included.
     pub requests: u32,
     /// Requests to unit 0.
@@ -81,7 +81,7 @@ impl Asked {
 pub struct Sniffer {
     asked: Option<Asked>,
     patience_us: u64,
-    heard: Heard,
+    counts: Counts,
 }
 
 impl Sniffer {
@@ -95,7 +95,7 @@ impl Sniffer {
         Sniffer {
             asked: None,
             patience_us: 1000 * patience_ms as u64,
-            heard: Heard {
+            counts: Counts {
                 requests: 0,
                 broadcasts: 0,
                 answers: 0,
@@ -107,8 +107,8 @@ impl Sniffer {
     }
 
     /// The counters.
-    pub const fn heard(&self) -> Heard {
-        self.heard
+    pub const fn counts(&self) -> Counts {
+        self.counts
     }
 
     /// A good frame: unit id, function code and data, and when it was over, in us since any moment.
@@ -116,16 +116,16 @@ impl Sniffer {
         let direction = self.direction(frame, time_us);
         let count = |counter: &mut u32| *counter = counter.wrapping_add(1);
         match direction {
-            Direction::Answer => count(&mut self.heard.answers),
-            Direction::Exception => count(&mut self.heard.exceptions),
+            Direction::Answer => count(&mut self.counts.answers),
+            Direction::Exception => count(&mut self.counts.exceptions),
             Direction::Request => {
                 if self.asked.is_some() {
-                    count(&mut self.heard.unanswered);
+                    count(&mut self.counts.unanswered);
                 }
-                count(&mut self.heard.requests);
+                count(&mut self.counts.requests);
                 let unit = frame.first().copied().unwrap_or(BROADCAST);
                 if unit == BROADCAST {
-                    count(&mut self.heard.broadcasts);
+                    count(&mut self.counts.broadcasts);
                 }
                 self.asked = (unit != BROADCAST).then(|| Asked::new(frame, time_us));
                 return direction;
@@ -137,7 +137,7 @@ impl Sniffer {
 
     /// A damaged frame. Whether it was the answer nobody can tell: the request stays open.
     pub fn damaged(&mut self) {
-        self.heard.damaged = self.heard.damaged.wrapping_add(1);
+        self.counts.damaged = self.counts.damaged.wrapping_add(1);
     }
 
     fn direction(&self, frame: &[u8], time_us: u64) -> Direction {
@@ -273,19 +273,19 @@ pub fn write_frame(text: &mut impl Text, time_us: u64, direction: Direction, fra
 }
 
 /// Writes a damaged frame as a line: time, `bad`, and each flaw by name. Such as `12.345678 bad gap check`.
-pub fn write_damaged(text: &mut impl Text, time_us: u64, flaws: Flaws) {
+pub fn write_damaged(text: &mut impl Text, time_us: u64, errors: ReceiveErrors) {
     write_time(text, time_us);
     text.extend(b" bad");
     for (flaw, name) in [
-        (Flaws::GAP, " gap"),
-        (Flaws::PARITY, " parity"),
-        (Flaws::FRAMING, " framing"),
-        (Flaws::OVERRUN, " overrun"),
-        (Flaws::LENGTH, " length"),
-        (Flaws::CHECK, " check"),
-        (Flaws::CHARACTER, " character"),
+        (ReceiveErrors::GAP, " gap"),
+        (ReceiveErrors::PARITY, " parity"),
+        (ReceiveErrors::FRAMING, " framing"),
+        (ReceiveErrors::OVERRUN, " overrun"),
+        (ReceiveErrors::LENGTH, " length"),
+        (ReceiveErrors::CHECK, " check"),
+        (ReceiveErrors::CHARACTER, " character"),
     ] {
-        if flaws.contains(flaw) {
+        if errors.contains(flaw) {
             text.extend(name.as_bytes());
         }
     }

@@ -6,14 +6,14 @@ mod harness;
 use harness::ascii::framed;
 use harness::random::Random;
 use multidrop_protocol::ascii::{
-    self, ADU_MAX, ADU_MIN, DELIMITER, Reception, Step, Transmission, decode, encode,
+    self, ADU_MAX, ADU_MIN, DELIMITER, Decoded, Reception, Transmission, decode, encode,
 };
-use multidrop_protocol::rtu::{EncodeError, Flaws};
+use multidrop_protocol::rtu::{EncodeError, ReceiveErrors};
 
 const BODY: [u8; 6] = [0x11, 3, 0, 0x6B, 0, 3];
 const TEXT: &[u8] = b":1103006B00037E\r\n";
 
-fn decoded(text: &[u8], delimiter: u8) -> Result<Vec<u8>, Flaws> {
+fn decoded(text: &[u8], delimiter: u8) -> Result<Vec<u8>, ReceiveErrors> {
     let mut out = [0; 256];
     decode(text, delimiter, &mut out).map(<[u8]>::to_vec)
 }
@@ -69,8 +69,12 @@ fn any_delimiter_serves_both_ways() {
 #[test]
 fn what_is_wrong_with_a_frame_is_named() {
     let too_long = framed(&[7; 255]);
-    let (length, check, character) = (Flaws::LENGTH, Flaws::CHECK, Flaws::CHARACTER);
-    for (text, flaws) in [
+    let (length, check, character) = (
+        ReceiveErrors::LENGTH,
+        ReceiveErrors::CHECK,
+        ReceiveErrors::CHARACTER,
+    );
+    for (text, errors) in [
         (&b""[..], character),
         (b"1103006B00037E\r\n", character),
         (b":1103006B00037F\r\n", check),
@@ -86,11 +90,11 @@ fn what_is_wrong_with_a_frame_is_named() {
     ] {
         let found = decoded(text, DELIMITER).expect_err("a damaged frame");
         assert!(
-            found.contains(flaws),
+            found.contains(errors),
             "{found:?}, {:?}",
             text.escape_ascii()
         );
-        let named = Flaws::LENGTH | Flaws::CHECK | Flaws::CHARACTER;
+        let named = ReceiveErrors::LENGTH | ReceiveErrors::CHECK | ReceiveErrors::CHARACTER;
         assert!(named.contains(found), "{found:?}");
     }
     assert_eq!(decoded(b":1103006B00037E0\r\n", DELIMITER), Err(length));
@@ -117,14 +121,14 @@ fn a_flaw_of_the_line_stays_and_stops_the_bytes() {
         let mut reception = Reception::new(DELIMITER);
         for (index, &character) in TEXT[1..].iter().enumerate() {
             if index == at {
-                reception.add(Flaws::PARITY);
+                reception.add(ReceiveErrors::PARITY);
             }
             let step = reception.push(character);
-            let byte = matches!(step, Step::Byte { .. });
+            let byte = matches!(step, Decoded::Byte { .. });
             assert!(!byte || index < at);
-            assert_eq!(step == Step::End, index == 15 && at != 15);
+            assert_eq!(step == Decoded::End, index == 15 && at != 15);
         }
-        assert!(reception.finish().flaws.contains(Flaws::PARITY));
+        assert!(reception.finish().errors.contains(ReceiveErrors::PARITY));
     }
 }
 

@@ -7,7 +7,7 @@ use harness::book::{self, Book};
 use harness::bus::{SECOND, Settings};
 use harness::judge::Verdict;
 use harness::script::{Config, Op, Sent, frame};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 const CHARACTER: u64 = 100;
 
@@ -95,9 +95,13 @@ fn characters_may_be_a_second_apart_and_half_a_bit_but_no_more() {
 #[test]
 fn any_character_damaged_in_any_way_spoils_one_frame_and_no_other() {
     for at in 0..read().len() {
-        for flaw in [Flaws::PARITY, Flaws::FRAMING, Flaws::OVERRUN] {
+        for flaw in [
+            ReceiveErrors::PARITY,
+            ReceiveErrors::FRAMING,
+            ReceiveErrors::OVERRUN,
+        ] {
             let mut chars = frame(9, &read());
-            chars[at].flaws = flaw;
+            chars[at].errors = flaw;
             let seen = play(&[0], &[at_once(chars), at_once(frame(0, &write(8)))]);
             // Without its `:` it is no frame at all.
             let bad = usize::from(at > 0);

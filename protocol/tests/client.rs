@@ -1,13 +1,13 @@
 //! Requests and answers of the client: the examples of the standard, byte for byte, and every way to miss them.
 
-mod asker;
+mod reference_client;
 
-use asker::Ask;
 use multidrop_protocol::client::{
     AnswerError, Encoded, FileRange, GetEventLog, ReadFiles, ReadIdentification, ReportServerId,
     RequestError, encode, judge,
 };
 use multidrop_protocol::exception::Exception;
+use reference_client::Ask;
 
 const UNIT: u8 = 17;
 
@@ -231,15 +231,17 @@ fn the_right_answer_is_taken_and_nothing_near_it() {
                 let expected = ask.judge(&request, &wrong);
                 let judged = judged(&wrong);
                 match expected {
-                    asker::Verdict::Answer => assert_eq!(judged, Ok(()), "{wrong:02X?}"),
-                    asker::Verdict::Unit(unit) => assert_eq!(judged, Err(AnswerError::Unit(unit))),
-                    asker::Verdict::Function(function) => {
+                    reference_client::Verdict::Answer => assert_eq!(judged, Ok(()), "{wrong:02X?}"),
+                    reference_client::Verdict::Unit(unit) => {
+                        assert_eq!(judged, Err(AnswerError::Unit(unit)))
+                    }
+                    reference_client::Verdict::Function(function) => {
                         assert_eq!(judged, Err(AnswerError::Function(function)));
                     }
-                    asker::Verdict::Exception(_) => {
+                    reference_client::Verdict::Exception(_) => {
                         assert!(judged.is_err_and(AnswerError::is_exception));
                     }
-                    asker::Verdict::Malformed => assert!(
+                    reference_client::Verdict::Malformed => assert!(
                         matches!(judged, Err(AnswerError::Length(_) | AnswerError::Content)),
                         "{ask:?} {wrong:02X?} {judged:?}"
                     ),

@@ -5,7 +5,7 @@ mod common;
 
 use common::{LOCKED, Tables, UNIT};
 use multidrop_protocol::Adu;
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 use multidrop_protocol::server::{Counted, Server};
 
 struct Unit {
@@ -69,7 +69,7 @@ fn all_counters_go_round_after_65_536_messages() {
     // A write to a locked coil is an exception 07; one of these messages is everything that can be counted of a good one.
     for _ in 0..65_535 {
         assert_eq!(unit.pdu(&[5, 0, LOCKED as u8, 0, 0]), [0x85, 7]);
-        unit.server.damaged(Flaws::OVERRUN);
+        unit.server.damaged(ReceiveErrors::OVERRUN);
     }
     // Asking is a message of its own each time.
     assert_eq!(unit.counter(0x0D), 65_535);
@@ -80,7 +80,7 @@ fn all_counters_go_round_after_65_536_messages() {
     assert_eq!(unit.counter(0x0E), 5);
     assert_eq!(unit.log().0, 6);
     unit.pdu(&[5, 0, LOCKED as u8, 0, 0]);
-    unit.server.damaged(Flaws::OVERRUN);
+    unit.server.damaged(ReceiveErrors::OVERRUN);
     for sub in [0x0C, 0x0D, 0x10, 0x12] {
         assert_eq!(unit.counter(sub), 0, "{sub:02X}");
     }
@@ -108,7 +108,7 @@ fn clearing_sets_every_counter_and_the_diagnostic_register_to_0() {
     for _ in 0..3 {
         unit.pdu(&[5, 0, LOCKED as u8, 0, 0]);
         unit.ask(&[0, 6, 0, 1, 0, 9]);
-        unit.server.damaged(Flaws::OVERRUN);
+        unit.server.damaged(ReceiveErrors::OVERRUN);
     }
     // A restart leaves the register alone (APP 6.8.1 names it for 0A only).
     assert_eq!(unit.pdu(&[8, 0, 1, 0, 0]), [8, 0, 1, 0, 0]);
@@ -116,7 +116,7 @@ fn clearing_sets_every_counter_and_the_diagnostic_register_to_0() {
         assert_eq!(unit.counter(sub), 0, "{sub:02X}");
     }
     assert_eq!(unit.counter(2), 0x1234);
-    unit.server.damaged(Flaws::OVERRUN);
+    unit.server.damaged(ReceiveErrors::OVERRUN);
     assert_eq!(unit.pdu(&CLEAR), CLEAR);
     assert_eq!(unit.events(), 0);
     assert_eq!(unit.counter(2), 0);
@@ -133,9 +133,10 @@ fn clearing_sets_every_counter_and_the_diagnostic_register_to_0() {
 #[test]
 fn an_overrun_is_counted_beside_the_error_and_cleared_by_itself() {
     let mut unit = Unit::new();
-    unit.server.damaged(Flaws::OVERRUN);
-    unit.server.damaged(Flaws::CHECK);
-    unit.server.damaged(Flaws::OVERRUN | Flaws::CHECK);
+    unit.server.damaged(ReceiveErrors::OVERRUN);
+    unit.server.damaged(ReceiveErrors::CHECK);
+    unit.server
+        .damaged(ReceiveErrors::OVERRUN | ReceiveErrors::CHECK);
     assert_eq!((unit.counter(0x0C), unit.counter(0x12)), (3, 2));
     // Receive events: bit 1 the error, bit 4 the overrun.
     assert_eq!(unit.log().1[5..], [0x92, 0x82, 0x92]);
@@ -180,7 +181,7 @@ fn the_log_keeps_the_last_64_in_order_wherever_it_begins() {
                 told.extend([0xC0, 0x40]);
             }
             _ => {
-                unit.server.damaged(Flaws::CHECK);
+                unit.server.damaged(ReceiveErrors::CHECK);
                 told.push(0x82);
             }
         }

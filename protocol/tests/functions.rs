@@ -6,7 +6,7 @@ mod common;
 use common::{UNIT, ask_server};
 use multidrop_protocol::data::{BytesOut, Coils, CoilsOut, Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 use multidrop_protocol::server::{
     ApplicationFunction, Counted, DataModel, Function, FunctionSet, Plan, Server,
 };
@@ -373,7 +373,7 @@ fn a_server_that_does_not_count_has_no_diagnostics() {
         assert_eq!(pdu(&mut model, &[code, 0, 0, 0, 0]), [code | 0x80, 1]);
     }
     let server = Server::new(UNIT);
-    server.damaged(Flaws::OVERRUN);
+    server.damaged(ReceiveErrors::OVERRUN);
     server.cut_off();
     assert_eq!(server.delimiter(), 0x0A);
 }

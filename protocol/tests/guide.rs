@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use multidrop_protocol::port_registers::{PortRegisters, Register, Settings};
+use multidrop_protocol::port_registers::{PortRegisters, PortSettings, Register};
 use multidrop_protocol::registers::{Bank, CoilBank, NoRules};
 
 /// A row: number, range, default.
@@ -37,7 +37,7 @@ fn registers() -> impl Iterator<Item = Register> {
 }
 
 fn port() -> PortRegisters<Bank<1>, CoilBank<1>, NoRules> {
-    PortRegisters::new(Settings::DEFAULT, Bank::new(0), CoilBank::new(0, 1))
+    PortRegisters::new(PortSettings::DEFAULT, Bank::new(0), CoilBank::new(0, 1))
 }
 
 #[test]

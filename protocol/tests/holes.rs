@@ -4,7 +4,7 @@
 use multidrop_protocol::Adu;
 use multidrop_protocol::data::{Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
-use multidrop_protocol::port_registers::{PortRegisters, Register, Settings};
+use multidrop_protocol::port_registers::{PortRegisters, PortSettings, Register};
 use multidrop_protocol::registers::{CoilBank, SparseBank};
 use multidrop_protocol::rules;
 use multidrop_protocol::server::{DataModel, FunctionSet, Server};
@@ -23,7 +23,7 @@ type Slave = PortRegisters<SparseBank<10>, CoilBank<1>, Limits>;
 /// Register n of the table holds 100 + n.
 fn slave() -> Slave {
     let mut port = PortRegisters::new(
-        Settings::DEFAULT,
+        PortSettings::DEFAULT,
         SparseBank::new(ADDRESSES),
         CoilBank::new(0, 8),
     );

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use multidrop_protocol::Adu;
 use multidrop_protocol::data::{Registers, RegistersOut};
-use multidrop_protocol::port_registers::{PortRegisters, Register, Settings};
+use multidrop_protocol::port_registers::{PortRegisters, PortSettings, Register};
 use multidrop_protocol::registers::{Items, NoRules, ScanList, SparseBank, SparseCoilBank};
 use multidrop_protocol::server::Server;
 
@@ -26,7 +26,7 @@ struct Pair<R: Items<Item = u16>> {
 }
 
 fn pair<R: Items<Item = u16> + 'static>(regs: R) -> Pair<R> {
-    let mut slave = PortRegisters::new(Settings::DEFAULT, regs, SparseCoilBank::new(COILS));
+    let mut slave = PortRegisters::new(PortSettings::DEFAULT, regs, SparseCoilBank::new(COILS));
     let mut registers = BTreeMap::new();
     for index in 0..slave.regs().len() as u16 {
         let address = slave.regs().address_of(index).expect("an item");

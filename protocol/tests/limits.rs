@@ -6,7 +6,7 @@ use common::{Tables, UNIT, ask, ask_on_line, refused, with_data, words};
 use multidrop_protocol::exception::Exception::{
     IllegalDataAddress, IllegalDataValue, IllegalFunction,
 };
-use multidrop_protocol::rtu::{self, EncodeError, Flaws};
+use multidrop_protocol::rtu::{self, EncodeError, ReceiveErrors};
 
 fn expect_refused(request: &[u8], exception: multidrop_protocol::exception::Exception) {
     let mut tables = Tables::new();
@@ -128,7 +128,7 @@ fn a_write_of_124_registers_is_too_long_for_a_frame() {
     adu.extend(check);
     assert_eq!(adu.len(), 257);
     assert_eq!(ask_on_line(&mut Tables::new(), &adu), None);
-    assert_eq!(rtu::decode(&adu), Err(Flaws::LENGTH));
+    assert_eq!(rtu::decode(&adu), Err(ReceiveErrors::LENGTH));
 }
 
 #[test]
@@ -287,5 +287,5 @@ fn lengths_of_frames() {
     );
     assert_eq!(rtu::encode(&[1, 2], &mut [0; 3]), Err(EncodeError::Room));
     // The CRC of one byte is right, the frame is too short all the same.
-    assert_eq!(rtu::decode(&[0x01, 0x7E, 0x80]), Err(Flaws::LENGTH));
+    assert_eq!(rtu::decode(&[0x01, 0x7E, 0x80]), Err(ReceiveErrors::LENGTH));
 }

@@ -1,9 +1,9 @@
-//! Frames byte by byte: lengths and flaws.
+//! Frames byte by byte: lengths and errors.
 
-use multidrop_protocol::rtu::{self, Flaws, Heard, Reception, Transmission};
+use multidrop_protocol::rtu::{self, ReceiveErrors, Received, Reception, Transmission};
 use multidrop_protocol::{Adu, crc};
 
-fn receive(bytes: &[u8]) -> (Heard, Adu) {
+fn receive(bytes: &[u8]) -> (Received, Adu) {
     let mut adu: Adu = [0; 256];
     let mut reception = Reception::new();
     for &byte in bytes {
@@ -25,28 +25,36 @@ fn four_to_256_bytes_are_a_frame() {
         let bytes = run_of(len);
         let (heard, adu) = receive(&bytes);
         match len {
-            2..4 => assert_eq!((heard.len, heard.flaws), (len as u8 - 2, Flaws::LENGTH)),
+            2..4 => assert_eq!(
+                (heard.len, heard.errors),
+                (len as u8 - 2, ReceiveErrors::LENGTH)
+            ),
             4..=256 => {
                 assert_eq!(
-                    (usize::from(heard.len), heard.flaws),
-                    (len - 2, Flaws::NONE)
+                    (usize::from(heard.len), heard.errors),
+                    (len - 2, ReceiveErrors::NONE)
                 );
                 assert_eq!(adu[..len - 2], bytes[..len - 2]);
             }
             _ => {
-                assert!(heard.flaws.contains(Flaws::LENGTH), "{len}");
+                assert!(heard.errors.contains(ReceiveErrors::LENGTH), "{len}");
                 assert_eq!(heard.len, 254);
                 assert_eq!(adu[..], bytes[..256], "the surplus went somewhere");
             }
         }
     }
-    assert!(receive(&[]).0.flaws.contains(Flaws::LENGTH));
-    assert!(receive(&[7]).0.flaws.contains(Flaws::LENGTH));
+    assert!(receive(&[]).0.errors.contains(ReceiveErrors::LENGTH));
+    assert!(receive(&[7]).0.errors.contains(ReceiveErrors::LENGTH));
 }
 
 #[test]
 fn a_flaw_of_the_line_stays_until_the_restart() {
-    let all = [Flaws::GAP, Flaws::PARITY, Flaws::FRAMING, Flaws::OVERRUN];
+    let all = [
+        ReceiveErrors::GAP,
+        ReceiveErrors::PARITY,
+        ReceiveErrors::FRAMING,
+        ReceiveErrors::OVERRUN,
+    ];
     for flaw in all {
         let mut adu: Adu = [0; 256];
         let mut reception = Reception::new();
@@ -58,9 +66,9 @@ fn a_flaw_of_the_line_stays_until_the_restart() {
         }
         assert_eq!(
             reception.finish(),
-            Heard {
+            Received {
                 len: 6,
-                flaws: flaw
+                errors: flaw
             }
         );
         reception.restart();
@@ -71,9 +79,9 @@ fn a_flaw_of_the_line_stays_until_the_restart() {
         }
         assert_eq!(
             reception.finish(),
-            Heard {
+            Received {
                 len: 6,
-                flaws: Flaws::NONE
+                errors: ReceiveErrors::NONE
             }
         );
     }
@@ -81,10 +89,14 @@ fn a_flaw_of_the_line_stays_until_the_restart() {
 
 #[test]
 fn flaws_add_up() {
-    let two = Flaws::GAP | Flaws::CHECK;
-    assert!(two.contains(Flaws::GAP) && two.contains(Flaws::CHECK) && !two.contains(Flaws::PARITY));
-    assert_eq!(Flaws::from_bits(two.bits()), two);
-    assert_eq!(Flaws::from_bits(0x80), Flaws::NONE);
+    let two = ReceiveErrors::GAP | ReceiveErrors::CHECK;
+    assert!(
+        two.contains(ReceiveErrors::GAP)
+            && two.contains(ReceiveErrors::CHECK)
+            && !two.contains(ReceiveErrors::PARITY)
+    );
+    assert_eq!(ReceiveErrors::from_bits(two.bits()), two);
+    assert_eq!(ReceiveErrors::from_bits(0x80), ReceiveErrors::NONE);
 }
 
 #[test]
@@ -98,9 +110,9 @@ fn looking_at_an_unfinished_frame_does_not_disturb_it() {
     }
     assert_eq!(
         reception.finish(),
-        Heard {
+        Received {
             len: 254,
-            flaws: Flaws::NONE
+            errors: ReceiveErrors::NONE
         }
     );
 }

@@ -3,7 +3,7 @@
 mod driver;
 
 use driver::{Did, Line};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 /// `:`, unit id, function code, LRC, CR and LF.
 const REQUEST: [u8; 9] = *b":1107E8\r\n";
@@ -11,7 +11,7 @@ const REQUEST: [u8; 9] = *b":1107E8\r\n";
 fn hear(line: &mut Line, characters: &[u8]) {
     for character in characters {
         line.machine
-            .on_ascii_character(&mut line.driver, *character, Flaws::NONE);
+            .on_ascii_character(&mut line.driver, *character, ReceiveErrors::NONE);
     }
 }
 
@@ -48,7 +48,10 @@ fn who_waits_for_silence_is_woken_by_damage_and_not_by_a_digit() {
     hear(&mut line, b"10");
     assert_eq!(line.did(), []);
     line.machine
-        .on_ascii_character(&mut line.driver, b'7', Flaws::PARITY);
+        .on_ascii_character(&mut line.driver, b'7', ReceiveErrors::PARITY);
     assert_eq!(line.did(), [Did::User]);
-    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::PARITY));
+    assert_eq!(
+        line.machine.quiet(&mut line.driver),
+        Some(ReceiveErrors::PARITY)
+    );
 }

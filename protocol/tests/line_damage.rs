@@ -4,7 +4,7 @@ mod harness;
 
 use harness::book::framed;
 use harness::bus::{Bus, Char, Settings};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 const CHARACTER: u64 = 100;
 const T1_5: u64 = 150;
@@ -37,7 +37,7 @@ fn say(bus: &mut Bus, bytes: &[u8], gap: Option<(usize, u64)>) {
         bus.chip.chars.push(Char {
             start,
             byte,
-            flaws: Flaws::NONE,
+            errors: ReceiveErrors::NONE,
         });
         start += CHARACTER;
     }
@@ -56,7 +56,7 @@ fn wrong_crc() -> Vec<u8> {
 }
 
 /// What is there to fetch; a good frame is given back.
-fn fetch_all(bus: &mut Bus) -> Vec<Option<Flaws>> {
+fn fetch_all(bus: &mut Bus) -> Vec<Option<ReceiveErrors>> {
     let mut told = Vec::new();
     while let Some(fetched) = bus.fetch() {
         if fetched.is_ok() {
@@ -76,8 +76,11 @@ fn a_late_character_is_told_as_a_gap_wherever_it_comes() {
                 say(&mut bus, &request(), Some((at, gap)));
                 let told = fetch_all(&mut bus);
                 assert_eq!(told.len(), 1, "{at} {gap}: {told:?}");
-                let flaws = told[0].expect("a damaged frame");
-                assert!(flaws.contains(Flaws::GAP), "{at} {gap}: {flaws:?}");
+                let errors = told[0].expect("a damaged frame");
+                assert!(
+                    errors.contains(ReceiveErrors::GAP),
+                    "{at} {gap}: {errors:?}"
+                );
             }
         }
     }
@@ -91,14 +94,18 @@ fn a_character_behind_a_good_frame_is_a_gap_and_nothing_else() {
         let start = bus.chip.now + 2 * T3_5;
         for (index, &byte) in request().iter().enumerate() {
             let start = start + index as u64 * CHARACTER;
-            let flaws = Flaws::NONE;
-            bus.chip.chars.push(Char { start, byte, flaws });
+            let errors = ReceiveErrors::NONE;
+            bus.chip.chars.push(Char {
+                start,
+                byte,
+                errors,
+            });
         }
         let end = bus.last_end();
         bus.chip.chars.push(Char {
             start: end + 2 * CHARACTER,
             byte: 0x55,
-            flaws: Flaws::NONE,
+            errors: ReceiveErrors::NONE,
         });
         bus.pass(end + T1_5 + 20);
         if fetched {
@@ -109,7 +116,7 @@ fn a_character_behind_a_good_frame_is_a_gap_and_nothing_else() {
         }
         bus.pass(end + 10 * CHARACTER);
         assert!(bus.chip.receiver_woken);
-        assert_eq!(bus.fetch(), Some(Err(Flaws::GAP)));
+        assert_eq!(bus.fetch(), Some(Err(ReceiveErrors::GAP)));
         if fetched && !given_back {
             assert_eq!(bus.machine.verdict(), Some(false));
         } else if !fetched {
@@ -130,11 +137,11 @@ fn frames_damaged_before_anybody_fetches_are_told_one_by_one_with_the_flaws_of_a
         say(&mut bus, &[17], None);
         let told = fetch_all(&mut bus);
         assert_eq!(told.len(), count);
-        let last = Flaws::CHECK | Flaws::LENGTH;
+        let last = ReceiveErrors::CHECK | ReceiveErrors::LENGTH;
         assert!(told.iter().all(|told| *told == Some(last)), "{told:?}");
         assert_eq!(bus.fetch(), None);
         say(&mut bus, &wrong_crc(), None);
-        assert_eq!(fetch_all(&mut bus), [Some(Flaws::CHECK)]);
+        assert_eq!(fetch_all(&mut bus), [Some(ReceiveErrors::CHECK)]);
     }
 }
 
@@ -154,7 +161,7 @@ fn damaged_frames_are_told_before_a_good_one() {
     say(&mut bus, &wrong_crc(), None);
     say(&mut bus, &wrong_crc(), None);
     say(&mut bus, &request(), None);
-    let wrong = Some(Flaws::CHECK);
+    let wrong = Some(ReceiveErrors::CHECK);
     assert_eq!(fetch_all(&mut bus), [wrong, wrong, None]);
 }
 
@@ -166,6 +173,6 @@ fn a_frame_that_comes_while_the_buffer_is_lent_is_told_as_lost() {
     for _ in 0..2 {
         say(&mut bus, &request(), None);
     }
-    let lost = Some(Err(Flaws::OVERRUN));
+    let lost = Some(Err(ReceiveErrors::OVERRUN));
     assert_eq!([bus.fetch(), bus.fetch(), bus.fetch()], [lost, lost, None]);
 }

@@ -6,7 +6,7 @@ mod driver;
 use driver::{Did, Line, REQUEST};
 use multidrop_protocol::Adu;
 use multidrop_protocol::line::{Interval, Wire};
-use multidrop_protocol::rtu::{Flaws, Heard, Reception};
+use multidrop_protocol::rtu::{ReceiveErrors, Received, Reception};
 
 const TALK: [Did; 2] = [Did::Talk(0x11), Did::Bound(3)];
 
@@ -14,7 +14,7 @@ const TALK: [Did; 2] = [Did::Talk(0x11), Did::Bound(3)];
 fn an_answer_waits_for_its_delay_part_by_part() {
     let mut line = Line::new();
     for byte in REQUEST {
-        line.hear(byte, Flaws::NONE);
+        line.hear(byte, ReceiveErrors::NONE);
     }
     line.alarm();
     assert_eq!(line.machine.fetch(), Some(Ok(2)));
@@ -38,7 +38,7 @@ fn where_gaps_are_allowed_the_delay_begins_with_the_frame() {
     let mut line = Line::new();
     line.driver.stands_at_once = true;
     for byte in REQUEST {
-        line.hear(byte, Flaws::NONE);
+        line.hear(byte, ReceiveErrors::NONE);
     }
     line.did();
     assert_eq!(
@@ -73,7 +73,7 @@ fn the_driver_is_on_before_the_first_character() {
     assert!(line.machine.is_sending());
     assert_eq!(line.machine.sent(), None);
     // The receiver is off; what it had is dropped.
-    line.hear(0x55, Flaws::NONE);
+    line.hear(0x55, ReceiveErrors::NONE);
     assert_eq!(line.did(), []);
     assert_eq!(line.alarm(), [&[Did::Off][..], &TALK].concat());
     assert!(line.machine.is_sending());
@@ -180,52 +180,73 @@ fn a_request_over_a_start_bit_waits_for_silence() {
 #[test]
 fn a_frame_without_room_is_told_to_who_waits_for_silence() {
     let mut line = Line::new();
-    line.hear(1, Flaws::NONE);
+    line.hear(1, ReceiveErrors::NONE);
     line.did();
     assert_eq!(line.machine.quiet(&mut line.driver), None);
     line.machine.on_too_long(&mut line.driver);
     assert_eq!(line.did(), [Did::User]);
-    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::LENGTH));
+    assert_eq!(
+        line.machine.quiet(&mut line.driver),
+        Some(ReceiveErrors::LENGTH)
+    );
 }
 
 #[test]
 fn a_line_is_quiet_when_no_good_frame_may_come() {
     let mut line = Line::new();
-    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::NONE));
+    assert_eq!(
+        line.machine.quiet(&mut line.driver),
+        Some(ReceiveErrors::NONE)
+    );
     // A start bit: what comes of it is there within t3.5.
     line.driver.start_bit = true;
     assert_eq!(line.machine.quiet(&mut line.driver), None);
     assert_eq!(line.did(), [Did::Alarm(Interval::T3_5), Did::On]);
     assert_eq!(line.alarm(), [Did::Off, Did::User]);
-    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::NONE));
+    assert_eq!(
+        line.machine.quiet(&mut line.driver),
+        Some(ReceiveErrors::NONE)
+    );
     // A character of a frame that may become good, and one that has spoilt it.
-    line.hear(0x11, Flaws::NONE);
+    line.hear(0x11, ReceiveErrors::NONE);
     assert_eq!(line.machine.quiet(&mut line.driver), None);
     line.did();
-    line.hear(0x03, Flaws::PARITY);
+    line.hear(0x03, ReceiveErrors::PARITY);
     assert_eq!(line.did(), [Did::User]);
-    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::PARITY));
+    assert_eq!(
+        line.machine.quiet(&mut line.driver),
+        Some(ReceiveErrors::PARITY)
+    );
     line.alarm();
     line.alarm();
     // It is over and was not told yet.
     assert_eq!(line.machine.quiet(&mut line.driver), None);
-    assert_eq!(line.machine.fetch(), Some(Err(Flaws::PARITY)));
-    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::NONE));
+    assert_eq!(line.machine.fetch(), Some(Err(ReceiveErrors::PARITY)));
+    assert_eq!(
+        line.machine.quiet(&mut line.driver),
+        Some(ReceiveErrors::NONE)
+    );
     // A good frame that nobody has fetched.
     for byte in REQUEST {
-        line.hear(byte, Flaws::NONE);
+        line.hear(byte, ReceiveErrors::NONE);
     }
     for _ in 0..3 {
         line.alarm();
         assert_eq!(line.machine.quiet(&mut line.driver), None);
     }
     assert_eq!(line.machine.fetch(), Some(Ok(2)));
-    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::NONE));
+    assert_eq!(
+        line.machine.quiet(&mut line.driver),
+        Some(ReceiveErrors::NONE)
+    );
     // The buffer is lent: the first character of the next frame is kept, and that frame may be good.
-    line.hear(0x11, Flaws::NONE);
+    line.hear(0x11, ReceiveErrors::NONE);
     assert_eq!(line.machine.quiet(&mut line.driver), None);
-    line.hear(0x03, Flaws::NONE);
-    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::OVERRUN));
+    line.hear(0x03, ReceiveErrors::NONE);
+    assert_eq!(
+        line.machine.quiet(&mut line.driver),
+        Some(ReceiveErrors::OVERRUN)
+    );
 }
 
 #[test]
@@ -238,7 +259,10 @@ fn nothing_is_quiet_while_it_sends() {
     send(&mut line);
     assert_eq!(line.machine.quiet(&mut line.driver), None);
     assert_eq!(line.alarm(), [Did::Off, Did::User]);
-    assert_eq!(line.machine.quiet(&mut line.driver), Some(Flaws::NONE));
+    assert_eq!(
+        line.machine.quiet(&mut line.driver),
+        Some(ReceiveErrors::NONE)
+    );
 }
 
 /// A driver that has nothing of all that, and leaves it out.
@@ -261,7 +285,7 @@ impl Wire for Plain {
     fn alarm_on(&mut self) {}
     fn alarm_off(&mut self) {}
     fn restart(&mut self) {}
-    fn finish(&mut self) -> Heard {
+    fn finish(&mut self) -> Received {
         Reception::new().finish()
     }
     fn adu(&self) -> &Adu {

@@ -6,7 +6,7 @@ use harness::book::{self, Book, framed};
 use harness::bus::Settings;
 use harness::judge::Verdict;
 use harness::script::{self, Config, Op, Sent, frame};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 const CHARACTER: u64 = 100;
 
@@ -238,11 +238,15 @@ fn the_longest_frames_and_one_byte_more() {
 
 #[test]
 fn a_character_with_a_flaw_spoils_its_frame_and_no_other() {
-    for flaw in [Flaws::PARITY, Flaws::FRAMING, Flaws::OVERRUN] {
+    for flaw in [
+        ReceiveErrors::PARITY,
+        ReceiveErrors::FRAMING,
+        ReceiveErrors::OVERRUN,
+    ] {
         for at in 0..read().len() {
             let settings = slow_baud();
             let mut chars = after_silence(&settings, &write(7));
-            chars[at].flaws = flaw;
+            chars[at].errors = flaw;
             let ops = [at_once(chars), at_once(after_silence(&settings, &write(8)))];
             let seen = play(&settings, &[0], &ops);
             assert_eq!((seen.bad, seen.answered), (1, 1));

@@ -4,7 +4,7 @@ mod harness;
 
 use harness::book::framed;
 use harness::bus::{Bus, Char, Settings};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 const BODY: [u8; 6] = [5, 3, 0, 0, 0, 1];
 const FRAME: u64 = 800;
@@ -72,8 +72,12 @@ fn what_is_withheld_is_told_as_not_sent() {
 
 fn hear(bus: &mut Bus, start: u64) {
     let byte = 0x55;
-    let flaws = Flaws::NONE;
-    bus.chip.chars.push(Char { start, byte, flaws });
+    let errors = ReceiveErrors::NONE;
+    bus.chip.chars.push(Char {
+        start,
+        byte,
+        errors,
+    });
 }
 
 #[test]
@@ -161,8 +165,12 @@ fn one_that_asks_when_the_frame_before_stands_talks_at_t3_5_to_the_tick() {
         }
         for (index, &byte) in bytes.iter().enumerate() {
             let start = 2000 + 100 * index as u64;
-            let flaws = Flaws::NONE;
-            bus.chip.chars.push(Char { start, byte, flaws });
+            let errors = ReceiveErrors::NONE;
+            bus.chip.chars.push(Char {
+                start,
+                byte,
+                errors,
+            });
         }
         let end = 2000 + FRAME;
         bus.pass(end + 160);

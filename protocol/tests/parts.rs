@@ -1,11 +1,11 @@
-//! The small parts, each by itself: blocks of data, text, flaws, and what is computed of a format.
+//! The small parts, each by itself: blocks of data, text, errors, and what is computed of a format.
 
 use multidrop_protocol::ascii;
 use multidrop_protocol::data::{BytesOut, Coils, CoilsOut, Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::format::{Framing, LineFormat, Parity};
 use multidrop_protocol::registers::{self, Bank, CoilBank, Items, NoCoils, ScanList, SparseBank};
-use multidrop_protocol::rtu::{Flaws, Reception, Transmission};
+use multidrop_protocol::rtu::{ReceiveErrors, Reception, Transmission};
 use multidrop_protocol::timing;
 use std::panic::catch_unwind;
 
@@ -132,23 +132,26 @@ fn text_goes_out_as_it_is() {
 #[test]
 fn nothing_is_wrong_with_a_reception_that_has_not_begun() {
     let none = Reception::default().finish();
-    assert_eq!((none.len, none.flaws), (0, Flaws::LENGTH | Flaws::CHECK));
+    assert_eq!(
+        (none.len, none.errors),
+        (0, ReceiveErrors::LENGTH | ReceiveErrors::CHECK)
+    );
 }
 
 #[test]
 fn flaws_are_a_set() {
     let all = [
-        Flaws::GAP,
-        Flaws::PARITY,
-        Flaws::FRAMING,
-        Flaws::OVERRUN,
-        Flaws::LENGTH,
-        Flaws::CHECK,
-        Flaws::CHARACTER,
+        ReceiveErrors::GAP,
+        ReceiveErrors::PARITY,
+        ReceiveErrors::FRAMING,
+        ReceiveErrors::OVERRUN,
+        ReceiveErrors::LENGTH,
+        ReceiveErrors::CHECK,
+        ReceiveErrors::CHARACTER,
     ];
     for (place, flaw) in all.into_iter().enumerate() {
         assert_eq!(flaw.bits(), 1 << place);
-        assert!(!flaw.is_empty() && Flaws::NONE.is_empty());
+        assert!(!flaw.is_empty() && ReceiveErrors::NONE.is_empty());
         for other in all {
             let both = flaw | other;
             assert!(both.contains(flaw) && both.contains(other) && both.contains(both));
@@ -160,7 +163,7 @@ fn flaws_are_a_set() {
         }
     }
     for bits in 0..=255 {
-        assert_eq!(Flaws::from_bits(bits).bits(), bits & 0x7F);
+        assert_eq!(ReceiveErrors::from_bits(bits).bits(), bits & 0x7F);
     }
 }
 

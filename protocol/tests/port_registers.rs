@@ -5,7 +5,7 @@ mod harness;
 use harness::random::Random;
 use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::port_registers::{
-    Change, InterCharacter, LineSettings, PortRegisters, Reason, Register, Settings,
+    Change, InterCharacter, LineSettings, PortRegisters, PortSettings, Reason, Register,
 };
 use multidrop_protocol::registers::{Bank, CoilBank, NoCoils, NoRules, ScanList, SparseBank};
 use multidrop_protocol::rules;
@@ -14,7 +14,7 @@ use multidrop_protocol::server::Server;
 type Plain = PortRegisters<Bank<10>, CoilBank<1>, NoRules>;
 
 fn plain() -> Plain {
-    PortRegisters::new(Settings::DEFAULT, Bank::new(0), CoilBank::new(0, 8))
+    PortRegisters::new(PortSettings::DEFAULT, Bank::new(0), CoilBank::new(0, 8))
 }
 
 /// The text with which a load is refused.
@@ -276,7 +276,7 @@ fn each_number_of_a_setting_is_one_thing() {
 #[test]
 fn a_port_without_coils_has_no_function_for_them() {
     let mut port: PortRegisters<Bank<10>, NoCoils, NoRules> =
-        PortRegisters::new(Settings::DEFAULT, Bank::new(0), NoCoils);
+        PortRegisters::new(PortSettings::DEFAULT, Bank::new(0), NoCoils);
     for function in 0..=255 {
         let loaded = port.load(Register::Func, function);
         match function {
@@ -400,7 +400,7 @@ fn answer(port: &mut PortRegisters<Bank<200>, CoilBank<1>, Example>, pdu: &[u8])
 
 #[test]
 fn a_slave_serves_its_arrays_under_its_rules() {
-    let mut port = PortRegisters::new(Settings::DEFAULT, Bank::new(0), CoilBank::new(0, 8));
+    let mut port = PortRegisters::new(PortSettings::DEFAULT, Bank::new(0), CoilBank::new(0, 8));
     let port = &mut port;
     // Write 150 to 10, read it back as holding and as input register.
     assert_eq!(answer(port, &[6, 0, 10, 0, 150]), [6, 0, 10, 0, 150]);
@@ -476,9 +476,9 @@ fn the_same_set_for_two_ports_is_two_sets() {
 #[test]
 fn base_leaves_tables_where_they_are() {
     let mut port: PortRegisters<_, _, NoRules> = PortRegisters::new(
-        Settings {
+        PortSettings {
             base: 40_001,
-            ..Settings::DEFAULT
+            ..PortSettings::DEFAULT
         },
         SparseBank::new([4, 65_535]),
         CoilBank::<1>::new(0, 8),
@@ -486,7 +486,7 @@ fn base_leaves_tables_where_they_are() {
     assert!(port.load(Register::Base, 65_528).is_ok());
     assert!(port.load(Register::Base, 65_529).is_err());
     let mut scan: PortRegisters<_, _, NoRules> = PortRegisters::new(
-        Settings::DEFAULT,
+        PortSettings::DEFAULT,
         ScanList::new([1, 2, 3], [1, 2, 3]),
         CoilBank::<1>::new(0, 8),
     );

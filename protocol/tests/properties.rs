@@ -4,7 +4,7 @@
 mod common;
 
 use common::{LIMITED, LOCKED, Tables, UNIT, ask, exists};
-use multidrop_protocol::rtu::{self, Flaws, Reception};
+use multidrop_protocol::rtu::{self, ReceiveErrors, Reception};
 use multidrop_protocol::{Adu, UNIT_MAX};
 use proptest::prelude::*;
 
@@ -250,13 +250,13 @@ proptest! {
         let heard = reception.finish();
         match rtu::decode(&bytes) {
             Ok(body) => {
-                prop_assert_eq!(heard.flaws, Flaws::NONE);
+                prop_assert_eq!(heard.errors, ReceiveErrors::NONE);
                 prop_assert_eq!(body, &frame[..heard.len.into()]);
                 prop_assert_eq!(common::send(&frame, heard.len), bytes);
             }
             // What no longer fits is not summed up, so a frame too long may have a wrong sum or not.
-            Err(_) if bytes.len() > 256 => prop_assert!(heard.flaws.contains(Flaws::LENGTH)),
-            Err(flaws) => prop_assert_eq!(heard.flaws, flaws),
+            Err(_) if bytes.len() > 256 => prop_assert!(heard.errors.contains(ReceiveErrors::LENGTH)),
+            Err(errors) => prop_assert_eq!(heard.errors, errors),
         }
     }
 

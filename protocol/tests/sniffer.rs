@@ -1,8 +1,8 @@
 //! Requests and answers of every function, told apart and written down.
 
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 use multidrop_protocol::sniffer::{
-    Direction, Heard, LINE_MAX, Sniffer, Text, write_damaged, write_frame,
+    Counts, Direction, LINE_MAX, Sniffer, Text, write_damaged, write_frame,
 };
 
 struct Page(Vec<u8>);
@@ -100,12 +100,12 @@ fn an_answer_is_known_by_what_it_follows() {
     }
     let count = EXCHANGES.len() as u32;
     assert_eq!(
-        sniffer.sniffer.heard(),
-        Heard {
+        sniffer.sniffer.counts(),
+        Counts {
             requests: 2 * count,
             answers: count,
             exceptions: count,
-            ..Heard::default()
+            ..Counts::default()
         }
     );
 }
@@ -137,8 +137,8 @@ fn what_is_not_answered_is_followed_by_a_request() {
     // An answer to nothing.
     assert_eq!(sniffer.frame(&bytes("12 86 02")), Direction::Request);
     assert_eq!(
-        sniffer.sniffer.heard(),
-        Heard {
+        sniffer.sniffer.counts(),
+        Counts {
             requests: 8,
             broadcasts: 2,
             answers: 1,
@@ -198,7 +198,7 @@ fn another_request_that_looks_like_an_answer_is_one() {
         sniffer.frame(&bytes(&format!("11 {first}")));
         let seen = sniffer.frame_after(after_ms, &bytes(&format!("11 {second}")));
         assert_eq!(seen, Direction::Request, "{first}, {second}");
-        assert_eq!(sniffer.sniffer.heard().unanswered, 1);
+        assert_eq!(sniffer.sniffer.counts().unanswered, 1);
     }
 }
 
@@ -234,8 +234,12 @@ fn a_line_of_text_for_each() {
     write_frame(&mut page, 12_345_678, Direction::Request, &frame);
     write_frame(&mut page, 0, Direction::Answer, &[0x0A, 0xFF]);
     write_frame(&mut page, 1_000_000, Direction::Exception, &[17, 0x83, 2]);
-    write_damaged(&mut page, 59_999_999, Flaws::GAP | Flaws::CHECK);
-    write_damaged(&mut page, 10, Flaws::OVERRUN);
+    write_damaged(
+        &mut page,
+        59_999_999,
+        ReceiveErrors::GAP | ReceiveErrors::CHECK,
+    );
+    write_damaged(&mut page, 10, ReceiveErrors::OVERRUN);
     assert_eq!(
         String::from_utf8(page.0).unwrap(),
         "12.345678 req 11 03 00 6B 00 03\r\n\

@@ -1,6 +1,6 @@
 //! A request that is repeated, of each function, and answers that come soon, late and in a wrong shape.
 
-use multidrop_protocol::sniffer::{Direction, Heard, Sniffer};
+use multidrop_protocol::sniffer::{Counts, Direction, Sniffer};
 
 const PATIENCE_MS: u32 = 100;
 const PATIENCE_US: u64 = 1000 * PATIENCE_MS as u64;
@@ -97,13 +97,13 @@ impl Bus {
     }
 
     fn counts(&self) -> [u32; 4] {
-        let Heard {
+        let Counts {
             requests,
             answers,
             exceptions,
             unanswered,
             ..
-        } = self.sniffer.heard();
+        } = self.sniffer.counts();
         [requests, answers, exceptions, unanswered]
     }
 }
@@ -211,7 +211,7 @@ fn damage_between_a_request_and_its_answer_leaves_it_open() {
         bus.sniffer.damaged();
         assert_eq!(bus.hears(1, answer), Direction::Answer, "{answer:02X?}");
         assert_eq!(bus.counts(), [2, 1, 0, 1]);
-        assert_eq!(bus.sniffer.heard().damaged, 2);
+        assert_eq!(bus.sniffer.counts().damaged, 2);
     }
 }
 
@@ -244,7 +244,7 @@ fn a_broadcast_is_repeated_and_not_answered() {
         }
         let answer = [&[0], *answer].concat();
         assert_eq!(sniffer.frame(&answer, 2), Direction::Request);
-        let heard = sniffer.heard();
+        let heard = sniffer.counts();
         assert_eq!(
             (heard.requests, heard.broadcasts, heard.unanswered),
             (4, 4, 0)

@@ -9,7 +9,7 @@ use harness::book::{self, Book, UNIT};
 use harness::bus::Settings;
 use harness::random::{self, Random};
 use harness::script::{self, Config, Op, Sent};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 const REQUESTS: u64 = 100_000;
 const BATCH: u64 = 100;
@@ -42,7 +42,9 @@ fn damage(random: &mut Random, settings: &Settings, chars: &mut Vec<Sent>) -> bo
                     chars[at].gap = 0;
                 }
                 4 => chars[at].gap += settings.t1_5 + 1 + random.below(settings.t3_5),
-                _ => chars[at].flaws = random.pick(&[Flaws::PARITY, Flaws::FRAMING]),
+                _ => {
+                    chars[at].errors = random.pick(&[ReceiveErrors::PARITY, ReceiveErrors::FRAMING])
+                }
             }
         }
         at += 1;
@@ -52,7 +54,7 @@ fn damage(random: &mut Random, settings: &Settings, chars: &mut Vec<Sent>) -> bo
 
 /// Whether a damaged request came out as another good frame.
 fn is_good_by_chance(settings: &Settings, chars: &[Sent], body: &[u8]) -> bool {
-    let whole = chars.iter().all(|it| it.flaws.is_empty())
+    let whole = chars.iter().all(|it| it.errors.is_empty())
         && chars.iter().skip(1).all(|it| it.gap <= settings.t1_5);
     let bytes: Vec<u8> = chars.iter().map(|it| it.byte).collect();
     whole && book::unframed(&bytes).is_some_and(|other| other != body)

@@ -6,7 +6,7 @@ use multidrop_protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::registers::items::run;
 use multidrop_protocol::registers::{
-    Bank, CoilBank, Entry, Items, NoCoils, Run, ScanList, SparseBank, SparseCoilBank,
+    Bank, CoilBank, Items, NoCoils, Run, ScanEntry, ScanList, SparseBank, SparseCoilBank,
 };
 use proptest::prelude::*;
 
@@ -108,8 +108,8 @@ fn a_base_moves_what_is_dense_alone() {
 #[test]
 fn a_scan_list_names_slave_and_item_of_each_place() {
     let mut list = ScanList::from_rows([4, 1000, 4], [7, 8, 9], [1, 17, 0], [2, 0, 1]);
-    assert_eq!(list.entry(0), Some(Entry { unit: 1, index: 2 }));
-    assert_eq!(list.entry(1), Some(Entry { unit: 17, index: 0 }));
+    assert_eq!(list.entry(0), Some(ScanEntry { unit: 1, index: 2 }));
+    assert_eq!(list.entry(1), Some(ScanEntry { unit: 17, index: 0 }));
     assert_eq!(list.entry(3), None);
     assert_eq!((list.address_of(2), list.item(2)), (Some(4), Some(9)));
     assert!(list.set_item(2, 5) && !list.set_item(3, 5));

@@ -4,7 +4,7 @@ mod common;
 
 use common::{Tables, ask_on_line, send};
 use multidrop_protocol::Adu;
-use multidrop_protocol::rtu::{self, Flaws, Reception};
+use multidrop_protocol::rtu::{self, ReceiveErrors, Reception};
 
 const FRAMES: [&[u8]; 8] = [
     &[0x01, 0x03, 0x00, 0x00, 0x00, 0x01, 0x84, 0x0A],
@@ -59,8 +59,8 @@ fn every_frame_whole_and_byte_by_byte() {
         }
         let heard = reception.finish();
         assert_eq!(
-            (usize::from(heard.len), heard.flaws),
-            (body.len(), Flaws::NONE)
+            (usize::from(heard.len), heard.errors),
+            (body.len(), ReceiveErrors::NONE)
         );
         assert_eq!(&frame[..body.len()], body);
         assert_eq!(send(&frame, heard.len), adu);

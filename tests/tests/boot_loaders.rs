@@ -14,7 +14,7 @@ const OLD: (u32, u16) = (0, 0x7800);
 const NEW_WITHOUT_R2: (u32, u16) = (1, 0x7E00);
 const NEW: (u32, u16) = (2, 0x7E00);
 
-/// Causes, and how to fail, as `multidrop_firmware` numbers them.
+/// Causes, and how to fail, as `multidrop` numbers them.
 const POWER: u8 = 1;
 const WATCHDOG: u8 = 3;
 const FAULT: u8 = 5;

@@ -16,7 +16,7 @@ on_both! {
     the_stm32_starts_anew_when_its_stack_is_used_up,
 }
 
-/// How the unit fails, as `multidrop_firmware::faults` numbers it.
+/// How the unit fails, as `multidrop::faults` numbers it.
 #[derive(Clone, Copy, Debug)]
 enum Failure {
     Panic = 1,
@@ -30,7 +30,7 @@ enum Failure {
     OverflowStack = 9,
 }
 
-/// Causes of a start, as `multidrop_firmware::ResetCause` numbers them.
+/// Causes of a start, as `multidrop::ResetCause` numbers them.
 const POWER: u8 = 1;
 const WATCHDOG_RESET: u8 = 3;
 const PIN: u8 = 4;

@@ -22,7 +22,7 @@ const FORMATS: [Format; 7] = [
     Format::N72,
 ];
 
-/// Flaws as the example tells them.
+/// ReceiveErrors as the example tells them.
 const GAP: u8 = 1 << 0;
 const PARITY: u8 = 1 << 1;
 const FRAMING: u8 = 1 << 2;
@@ -52,7 +52,7 @@ fn plain(bytes: &[u8]) -> Vec<Tx> {
     bytes.iter().map(|&byte| Tx::byte(byte)).collect()
 }
 
-/// How many damaged frames the node has heard since it was asked last, and their flaws.
+/// How many damaged frames the node has heard since it was asked last, and their errors.
 fn damaged(rig: &mut Rig) -> (u8, u8) {
     let answer = rig.ask(&text(&[17, 0x44, 0, 0]));
     assert_eq!(answer[..5], *b":1144", "{answer:02x?}");
@@ -113,8 +113,8 @@ fn a_pause_of_most_of_a_second_is_allowed_anywhere_and_a_longer_one_nowhere() {
         }
     }
     let cut_off = 2 * (REQUEST.len() - 1) as u8;
-    let (count, flaws) = damaged(&mut rig);
-    assert_eq!((count, flaws & GAP), (cut_off, GAP));
+    let (count, errors) = damaged(&mut rig);
+    assert_eq!((count, errors & GAP), (cut_off, GAP));
 }
 
 #[test]
@@ -125,8 +125,8 @@ fn a_frame_that_never_ends_is_told_after_a_second() {
         rig.pause(Time::from_ms(1100));
     }
     rig.expect(REQUEST, REQUEST);
-    let (count, flaws) = damaged(&mut rig);
-    assert_eq!((count, flaws), (REQUEST.len() as u8 - 1, GAP));
+    let (count, errors) = damaged(&mut rig);
+    assert_eq!((count, errors), (REQUEST.len() as u8 - 1, GAP));
 }
 
 /// One good request follows at once: it is answered, and the damaged one is not. Without its `:` it is no frame at all.
@@ -151,13 +151,13 @@ fn a_character_damaged_on_the_wire_spoils_its_frame_and_no_other() {
                 assert_eq!(rig.ask_each(characters), REQUEST, "{what}");
                 spoilt += u8::from(at > 0);
             }
-            let (count, flaws) = damaged(&mut rig);
+            let (count, errors) = damaged(&mut rig);
             assert_eq!(count, spoilt, "{at}, {format}");
             let seen = match format {
                 Format::E71 => PARITY,
                 _ => LENGTH | CHECK | CHARACTER,
             };
-            assert!(at == 0 || flaws & seen != 0, "{at}: {flaws:02x}");
+            assert!(at == 0 || errors & seen != 0, "{at}: {errors:02x}");
             let mut characters = plain(REQUEST);
             characters[at] = characters[at].bad_stop();
             // A receiver finds the next start bit after a high level only.
@@ -170,9 +170,9 @@ fn a_character_damaged_on_the_wire_spoils_its_frame_and_no_other() {
                 _ => character,
             }));
             assert_eq!(rig.ask_each(characters), REQUEST, "stop bit of {at}");
-            let (count, flaws) = damaged(&mut rig);
+            let (count, errors) = damaged(&mut rig);
             assert_eq!(count, u8::from(at > 0), "stop bit of {at}");
-            assert!(at == 0 || flaws & FRAMING != 0, "stop bit of {at}");
+            assert!(at == 0 || errors & FRAMING != 0, "stop bit of {at}");
         }
     }
 }
@@ -181,7 +181,7 @@ fn a_character_damaged_on_the_wire_spoils_its_frame_and_no_other() {
 fn wrong_text_is_told_once() {
     let mut rig = rig();
     let longest = text(&[17; 255]);
-    for (wrong, flaws) in [
+    for (wrong, errors) in [
         (&b":1103006B00037F\r\n"[..], CHECK),
         (b":1103006B000037E\r\n", LENGTH),
         (b":1103006G00037E\r\n", CHARACTER),
@@ -195,8 +195,8 @@ fn wrong_text_is_told_once() {
         rig.expect_silence(wrong);
         let (count, told) = damaged(&mut rig);
         assert_eq!(
-            (count, told & flaws),
-            (1, flaws),
+            (count, told & errors),
+            (1, errors),
             "{wrong:02x?}: {told:02x}"
         );
     }

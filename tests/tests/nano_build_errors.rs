@@ -137,10 +137,10 @@ use embassy_avr_hal::edge::EdgeInput;
 use embassy_avr_hal::gpio::{Input, Output, PD2, PD4, Pins};
 use embassy_avr_hal::{bind_edges, bind_time};
 use embassy_avr_hal::usart::{Delayed, RtuOnly, Settings, Slow};
-use multidrop_firmware::PortConfig;
-use multidrop_firmware::line::InterCharacter;
-use multidrop_firmware::protocol::format::Framing;
-use multidrop_firmware::protocol::port_registers::{Duplex, Flow};
+use multidrop::PortConfig;
+use multidrop::line::InterCharacter;
+use multidrop::protocol::format::Framing;
+use multidrop::protocol::port_registers::{Duplex, Flow};
 ";
 
 /// The compiler that the firmware is built with, as `cargo xtask` finds it.
@@ -196,7 +196,7 @@ fn what_the_nano_cannot_do_stops_the_build_and_says_why() {
     let mut package = format!(
         "cargo-features = [\"panic-immediate-abort\"]\n\n[package]\nname = \"cases\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
          [workspace]\n\n[lib]\npath = \"lib.rs\"\n\n[dependencies]\nboard-nano = {{ path = {:?} }}\n\
-         embassy-avr-hal = {{ path = {:?} }}\nmultidrop-firmware = {{ path = {:?} }}\n\n",
+         embassy-avr-hal = {{ path = {:?} }}\nmultidrop = {{ path = {:?} }}\n\n",
         path(&board),
         path(&board.join("embassy-avr-hal")),
         path(&root.join("firmware")),

@@ -110,7 +110,7 @@ fn assert_soon(gaps: &[Time]) {
 fn a_scan_list_asks_without_a_pause() {
     let mut bus = Bus::new(BusConfig::default());
     let client = bus
-        .add_nano(Nano::new("client", example("scan")))
+        .add_nano(Nano::new("client", example("poll")))
         .expect("a valid image");
     let server = bus
         .add_nano(Nano::new("server", image("registers", &[])))

@@ -113,7 +113,7 @@ fn units_that_are_missing_and_ports_that_refuse(runner: Runner) {
         let (request, _) = load(port, register, 1);
         expect(&mut desk, &request, &exception(10, 16, 3));
     }
-    // The Nano is asleep, then off the bus: an asker that has given up finds the port as ever.
+    // The Nano is asleep, then off the bus: a client that has given up finds the port as ever.
     let node = desk.nodes[0];
     desk.bus.unplug(node);
     desk.bus.host(desk.pc).send(&words(2, 3, 0, 1));

@@ -1,4 +1,4 @@
-//! The router of `ports`, from AS1 and AS2 to units on RS4 that are slow, late or missing, for askers that do not
+//! The router of `ports`, from AS1 and AS2 to units on RS4 that are slow, late or missing, for clients that do not
 //! wait. The scan list asks on RS4 beside it all the time. The units are a host that answers by a script.
 
 mod common;
@@ -6,7 +6,7 @@ mod common;
 use std::cell::{Cell, RefCell};
 
 use common::four::units::{Played, Reply, Told, asked, asked_or_cut};
-use common::four::{AS1, AS2, ASCII, Asker, LINE, RS4, Report, Source, setting};
+use common::four::{AS1, AS2, ASCII, BusClient, LINE, RS4, Report, Source, setting};
 use common::plain::wire::Way;
 use common::{Runner, on_both, ports};
 use multidrop_bus::{Frame, Framing, HostId, Line, Time, framed, frames};
@@ -20,10 +20,10 @@ on_both! {
     a_long_answer_is_heard_to_its_end,
     what_is_too_long_for_an_answer_is_not_heard_to_its_end,
     one_silent_unit_among_four_holds_nobody_else_up,
-    two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two_others,
-    an_asker_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else,
+    two_clients_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two_others,
+    a_client_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else,
     units_are_renumbered_there_and_back_and_a_ports_own_unit_goes_first,
-    while_rs4_is_no_master_the_askers_are_told_so_at_once,
+    while_rs4_is_no_master_the_clients_are_told_so_at_once,
 }
 
 /// What a unit that is up to date takes.
@@ -340,7 +340,7 @@ fn one_silent_unit_among_four_holds_nobody_else_up(runner: Runner) {
     }
 }
 
-fn two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two_others(
+fn two_clients_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two_others(
     runner: Runner,
 ) {
     // Slow enough that all three always have something to ask.
@@ -348,16 +348,16 @@ fn two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two
         vec![(Time::from_ms(20), values(request, 0))]
     });
     let mut report = Report::default();
-    let mut askers = [
-        Asker::new(played.desk.pc, AS1, Way::Rtu, LINE),
-        Asker::new(played.desk.ascii, AS2, Way::Ascii, ASCII),
+    let mut clients = [
+        BusClient::new(played.desk.pc, AS1, Way::Rtu, LINE),
+        BusClient::new(played.desk.ascii, AS2, Way::Ascii, ASCII),
     ];
     let mut rounds = [0_u16; 2];
     let span = Time::from_ms(5_000);
     let end = played.desk.bus.now() + span;
     played.run_for(span + Time::from_ms(300), |desk| {
-        for (place, asker) in askers.iter_mut().enumerate() {
-            if asker.is_free(&mut desk.bus, &mut report) && desk.bus.now() < end {
+        for (place, client) in clients.iter_mut().enumerate() {
+            if client.is_free(&mut desk.bus, &mut report) && desk.bus.now() < end {
                 let unit = 1 + (rounds[place] % 3) as u8;
                 let at = ROUTED * (place as u16 + 1);
                 let mut request = read(unit, at, 1 + rounds[place] % 5);
@@ -368,7 +368,7 @@ fn two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two
                     answer[0] = unit + 10;
                 }
                 rounds[place] += 1;
-                asker.ask(&mut desk.bus, request, answer, Source::Unit);
+                client.ask(&mut desk.bus, request, answer, Source::Unit);
             }
         }
     });
@@ -423,7 +423,7 @@ fn two_askers_and_the_scan_list_share_the_bus_and_nobody_waits_for_more_than_two
     assert!(units.windows(2).all(|pair| pair[1] == pair[0] % 3 + 1));
 }
 
-fn an_asker_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else(runner: Runner) {
+fn a_client_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else(runner: Runner) {
     let slow = Time::from_ms(30);
     let mut played = played(runner, |request| {
         let delay = if request[0] == 1 { slow } else { FAST };
@@ -512,7 +512,7 @@ fn units_are_renumbered_there_and_back_and_a_ports_own_unit_goes_first(runner: R
     asked(&played.desk);
 }
 
-fn while_rs4_is_no_master_the_askers_are_told_so_at_once(runner: Runner) {
+fn while_rs4_is_no_master_the_clients_are_told_so_at_once(runner: Runner) {
     let mut played = played(runner, |request| at_once(values(request, 0)));
     let load = |played: &mut Played, number, value: u32| {
         let mut request = body(OWN[0], 16, setting(RS4, number), 2);

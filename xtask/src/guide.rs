@@ -22,7 +22,7 @@ const README_LINES: usize = 120;
 /// The packages whose API documentation must build without a warning.
 pub const DOCUMENTED: [&str; 4] = [
     "multidrop-protocol",
-    "multidrop-firmware",
+    "multidrop",
     crate::check::SIMULATED,
     "xtask",
 ];

@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | 42, framing, format, baud | sets the line up anew: 0 RTU or 1 ASCII, index into `LineFormat::ALL`, hundreds of baud in two bytes | `here again` at the new settings, or `no` at the old ones |
 //! | 43, character | makes it the delimiter | the same, which it ends already |
-//! | 44, any two bytes | tells of damaged frames since it was asked last | 44, how many, all their flaws |
+//! | 44, any two bytes | tells of damaged frames since it was asked last | 44, how many, all their errors |
 #![no_std]
 #![no_main]
 #![feature(abi_avr_interrupt)]
@@ -13,10 +13,10 @@
 use embassy_avr_hal::gpio::{PD2, Pins};
 use embassy_avr_hal::usart::{RtuAndAscii, Settings, Usart0};
 use embassy_avr_hal::{bind_usart0, executor, pac};
-use multidrop_firmware::line::{InterCharacter, Line, LineConfig, Role};
-use multidrop_firmware::protocol::format::{Framing, LineFormat};
-use multidrop_firmware::protocol::port_registers::Flow;
-use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop::line::{InterCharacter, Line, LineConfig, Role};
+use multidrop::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::port_registers::Flow;
+use multidrop::protocol::rtu::ReceiveErrors;
 
 const CLOCK_HZ: u32 = 16_000_000;
 const UNIT: u8 = 17;
@@ -41,14 +41,14 @@ bind_usart0!(Rs485);
 #[embassy_executor::task]
 async fn repeat(line: Rs485) {
     let mut damaged = 0u8;
-    let mut flaws = Flaws::NONE;
+    let mut errors = ReceiveErrors::NONE;
     loop {
         let mut frame = match line.receive().await {
             Ok(frame) if frame.unit() == UNIT => frame,
             Ok(_) => continue,
             Err(of_frame) => {
                 damaged = damaged.wrapping_add(1);
-                flaws |= of_frame;
+                errors |= of_frame;
                 continue;
             }
         };
@@ -76,7 +76,7 @@ async fn repeat(line: Rs485) {
             [DELIMITER, character] => line.set_delimiter(character),
             [DAMAGED, ref mut count, ref mut all] => {
                 *count = core::mem::take(&mut damaged);
-                *all = core::mem::take(&mut flaws).bits();
+                *all = core::mem::take(&mut errors).bits();
             }
             _ => {}
         }

@@ -10,8 +10,8 @@ use embassy_avr_hal::usart::{RtuOnly, Settings, Usart0};
 use embassy_avr_hal::{bind_edges, bind_usart0, executor, pac};
 use embassy_futures::join::join;
 use embedded_hal_async::digital::Wait;
-use multidrop_firmware::line::{Line, LineConfig};
-use multidrop_firmware::protocol::format::LineFormat;
+use multidrop::line::{Line, LineConfig};
+use multidrop::protocol::format::LineFormat;
 
 const CLOCK_HZ: u32 = 16_000_000;
 

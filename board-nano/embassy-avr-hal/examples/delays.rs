@@ -7,8 +7,8 @@
 use embassy_avr_hal::gpio::{PD2, Pins};
 use embassy_avr_hal::usart::{Delayed, RtuOnly, Settings, Usart0};
 use embassy_avr_hal::{bind_usart0, executor, pac};
-use multidrop_firmware::line::{Line, LineConfig};
-use multidrop_firmware::protocol::format::LineFormat;
+use multidrop::line::{Line, LineConfig};
+use multidrop::protocol::format::LineFormat;
 
 const CLOCK_HZ: u32 = 16_000_000;
 const SET_UP: u8 = 0x42;

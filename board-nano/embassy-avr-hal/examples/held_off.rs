@@ -10,10 +10,10 @@ use embassy_avr_hal::usart::{Settings, Usart0};
 use embassy_avr_hal::{bind_edges, bind_usart0, executor, pac};
 use embedded_hal::digital::InputPin;
 use embedded_hal_async::digital::Wait;
-use multidrop_firmware::conformance::{Conformance, EVENTS, UNIT};
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::protocol::server::Counted;
-use multidrop_firmware::{PortConfig, Shared};
+use multidrop::conformance::{Conformance, EVENTS, UNIT};
+use multidrop::protocol::format::LineFormat;
+use multidrop::protocol::server::Counted;
+use multidrop::{PortConfig, Shared};
 use static_cell::{ConstStaticCell, StaticCell};
 
 const CLOCK_HZ: u32 = 16_000_000;
@@ -32,7 +32,7 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .format(LineFormat::F8N1);
 
 type Rs485 = Usart0<PD2, CLOCK_HZ>;
-type Port = multidrop_firmware::Port<Rs485, Counted<EVENTS>>;
+type Port = multidrop::ServerPort<Rs485, Counted<EVENTS>>;
 type Model = Shared<Conformance<0>>;
 
 bind_usart0!(Rs485);
@@ -40,12 +40,12 @@ bind_edges!(Edges: INT1);
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
-    multidrop_firmware::receive(port).await
+    multidrop::receive(port).await
 }
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port, model: &'static Model) -> ! {
-    multidrop_firmware::serve(port, model).await
+    multidrop::serve(port, model).await
 }
 
 #[embassy_executor::task]

@@ -8,9 +8,9 @@
 use embassy_avr_hal::gpio::{PD2, Pins};
 use embassy_avr_hal::usart::{RtuOnly, Settings, Slow, Usart0};
 use embassy_avr_hal::{bind_usart0, executor, pac};
-use multidrop_firmware::line::{InterCharacter, Line, LineConfig, Role};
-use multidrop_firmware::protocol::format::{Framing, LineFormat};
-use multidrop_firmware::protocol::port_registers::Flow;
+use multidrop::line::{InterCharacter, Line, LineConfig, Role};
+use multidrop::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::port_registers::Flow;
 
 const CLOCK_HZ: u32 = 16_000_000;
 const SET_UP: u8 = 0x42;

@@ -19,9 +19,9 @@ use embassy_avr_hal::usart::{Settings, Usart0};
 use embassy_avr_hal::{bind_edges, bind_usart0, executor, pac};
 use embedded_hal::digital::StatefulOutputPin;
 use embedded_hal_async::digital::Wait;
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::yardstick::Yardstick;
-use multidrop_firmware::{Port, PortConfig, Shared};
+use multidrop::protocol::format::LineFormat;
+use multidrop::yardstick::Yardstick;
+use multidrop::{PortConfig, ServerPort, Shared};
 use static_cell::StaticCell;
 
 const CLOCK_HZ: u32 = 16_000_000;
@@ -79,14 +79,14 @@ async fn follow_level(input: Input<PD6>, mut output: Output<PB4>) {
 }
 
 #[embassy_executor::task]
-async fn receive(port: &'static Port<Rs485>) -> ! {
-    multidrop_firmware::receive(port).await
+async fn receive(port: &'static ServerPort<Rs485>) -> ! {
+    multidrop::receive(port).await
 }
 
 #[embassy_executor::task]
-async fn serve(port: &'static Port<Rs485>) -> ! {
+async fn serve(port: &'static ServerPort<Rs485>) -> ! {
     let model = Shared::new(Yardstick::<16, 2>::new());
-    multidrop_firmware::serve(port, &model).await
+    multidrop::serve(port, &model).await
 }
 
 #[avr_device::entry]
@@ -107,8 +107,8 @@ fn main() -> ! {
         pins.PC0,
         settings,
     );
-    static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
-    let port = PORT_CELL.init(Port::new(line, &PORT));
+    static PORT_CELL: StaticCell<ServerPort<Rs485>> = StaticCell::new();
+    let port = PORT_CELL.init(ServerPort::new(line, &PORT));
     executor::run(|spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port).unwrap());

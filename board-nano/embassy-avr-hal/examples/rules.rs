@@ -9,10 +9,10 @@ use core::hint::black_box;
 use embassy_avr_hal::gpio::{Output, PB0, PB1, Pins};
 use embassy_avr_hal::pac;
 use embedded_hal::digital::OutputPin;
-use multidrop_firmware::protocol::data::Registers;
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::registers::{NoRules, Rules};
-use multidrop_firmware::protocol::rules;
+use multidrop::protocol::data::Registers;
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::registers::{NoRules, Rules};
+use multidrop::protocol::rules;
 
 // ANCHOR: rules
 rules! {

@@ -11,7 +11,7 @@ use core::cell::UnsafeCell;
 
 use embassy_executor::{Spawner, raw};
 use embassy_sync::waitqueue::WakerRegistration;
-use multidrop_firmware::Roll;
+use multidrop::Roll;
 
 use crate::watchdog::Fed;
 

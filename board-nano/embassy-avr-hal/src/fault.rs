@@ -11,7 +11,7 @@
 
 use core::arch::{asm, global_asm};
 
-use multidrop_firmware::ResetCause;
+use multidrop::ResetCause;
 
 use crate::gpio::DriverEnable;
 

@@ -3,7 +3,7 @@
 //! | module | gives |
 //! |---|---|
 //! | [`executor`] | an executor that truly sleeps when idle and loses no wake-up |
-//! | [`usart`] | the USART as a [`Line`](multidrop_firmware::Line): frames by silence, DE, no task woken per byte |
+//! | [`usart`] | the USART as a [`Line`](multidrop::Line): frames by silence, DE, no task woken per byte |
 //! | [`time`] | a driver for `embassy-time`, linked only where it is bound |
 //! | [`gpio`] | pins with the `embedded-hal` 1.0 traits |
 //! | [`edge`] | edges of port D's pins to wait for, with the trait of `embedded-hal-async` |

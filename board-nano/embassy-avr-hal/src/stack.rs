@@ -7,7 +7,7 @@
 
 use core::arch::global_asm;
 
-use multidrop_firmware::Stack;
+use multidrop::Stack;
 
 /// What the free RAM is filled with.
 const PAINT: u8 = 0xC5;

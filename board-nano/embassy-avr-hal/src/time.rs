@@ -15,7 +15,7 @@ use core::task::Waker;
 use avr_device::interrupt;
 use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::{Driver, TICK_HZ};
-use multidrop_firmware::protocol::message::Message;
+use multidrop::protocol::message::Message;
 
 use crate::executor::{self, TIME};
 use crate::timer1::{self, OCF1A, PRESCALER, TOV1};
@@ -372,4 +372,4 @@ macro_rules! bind_time {
 pub use embassy_executor::Spawner;
 pub use embassy_time_driver::time_driver_impl;
 #[doc(hidden)]
-pub use multidrop_firmware::Roll;
+pub use multidrop::Roll;

@@ -1,4 +1,4 @@
-//! The watchdog (DS 11.8, 11.9.2), fed by a [roll](multidrop_firmware::roll) of tasks.
+//! The watchdog (DS 11.8, 11.9.2), fed by a [roll](multidrop::roll) of tasks.
 //!
 //! It runs in its interrupt-and-reset mode with half of its time: when a half is over its interrupt has the executor call the
 //! roll, and when all tasks have signed the interrupt is armed again. If they have not when the next half is over, the chip
@@ -13,12 +13,12 @@ use core::task::Waker;
 
 use embassy_executor::raw::{TaskRef, task_from_waker, wake_task};
 use embassy_sync::blocking_mutex::raw::RawMutex;
-use multidrop_firmware::protocol::message::Message;
+use multidrop::protocol::message::Message;
 
 use crate::timer1::PRESCALER;
 
 #[doc(hidden)]
-pub use multidrop_firmware::roll::Watchdog as Fed;
+pub use multidrop::roll::Watchdog as Fed;
 #[cfg(not(feature = "bare"))]
 #[doc(hidden)]
 pub use running::feed;
@@ -210,7 +210,7 @@ mod running {
     }
 }
 
-/// Defines `Dog`, the watchdog that a [`Roll`](multidrop_firmware::Roll) feeds, with this time, for a
+/// Defines `Dog`, the watchdog that a [`Roll`](multidrop::Roll) feeds, with this time, for a
 /// [`Usart0`](crate::usart::Usart0) type. The last argument says whether it is to run.
 #[macro_export]
 macro_rules! bind_watchdog {

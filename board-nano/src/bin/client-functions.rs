@@ -45,14 +45,14 @@ use board_nano::{CLOCK_HZ, Rs485Option as Rs485, Watchdog, options, settings};
 use embassy_avr_hal::gpio::{Output, PB5, Pins};
 use embassy_avr_hal::{bind_time, bind_usart0, bind_watchdog};
 use embassy_time::Timer;
-use multidrop_firmware::protocol::client::{
+use multidrop::protocol::client::{
     Diagnostic, FileData, FileRange, GetEventCounter, GetEventLog, MaskWrite, Raw, ReadBits,
     ReadExceptionStatus, ReadFifo, ReadFiles, ReadIdentification, ReadRegisters,
     ReadWriteRegisters, ReportServerId, Request, ReturnQueryData, WriteCoil, WriteFiles,
     WritePackedCoils, WriteRegister, WriteRegisters,
 };
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{ClientConfig, ClientError, ClientPort, PortConfig, Roll, signed};
+use multidrop::protocol::format::LineFormat;
+use multidrop::{ClientConfig, ClientError, ClientPort, PortConfig, Roll, signed};
 use static_cell::StaticCell;
 
 const PORT: PortConfig = PortConfig::new("RS4")
@@ -280,11 +280,7 @@ fn first_object(request: &ReadIdentification, frame: &[u8], letter: u8) -> bool 
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
-    signed(
-        |task| ROLL.sign::<0>(task),
-        multidrop_firmware::client_receive(port),
-    )
-    .await
+    signed(|task| ROLL.sign::<0>(task), multidrop::client_receive(port)).await
 }
 
 #[embassy_executor::task]

@@ -5,15 +5,15 @@
 
 use board_nano::{Rs485Option as Rs485, Watchdog, options, settings};
 use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins};
-use multidrop_firmware::conformance::{Conformance, EVENTS, UNIT};
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::protocol::server::Counted;
-use multidrop_firmware::{PortConfig, Roll, Shared, signed};
+use multidrop::conformance::{Conformance, EVENTS, UNIT};
+use multidrop::protocol::format::LineFormat;
+use multidrop::protocol::server::Counted;
+use multidrop::{PortConfig, Roll, Shared, signed};
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// Without files: they would take 250 bytes of stack.
 type Model = Shared<Conformance<0>>;
-type Port = multidrop_firmware::Port<Rs485, Counted<EVENTS>>;
+type Port = multidrop::ServerPort<Rs485, Counted<EVENTS>>;
 
 const PORT: PortConfig = PortConfig::new("RS4")
     .slave_id(UNIT)
@@ -29,20 +29,12 @@ static ROLL: Roll<Dog, 2> = Roll::new();
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
-    signed(
-        |task| ROLL.sign::<0>(task),
-        multidrop_firmware::receive(port),
-    )
-    .await
+    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
 }
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port, model: &'static Model) -> ! {
-    signed(
-        |task| ROLL.sign::<1>(task),
-        multidrop_firmware::serve(port, model),
-    )
-    .await
+    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, model)).await
 }
 
 #[avr_device::entry]

@@ -6,9 +6,9 @@
 use board_nano::outputs::outputs;
 use board_nano::{Rs485, Watchdog, options, settings};
 use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins};
-use multidrop_firmware::demo_unit::DemoUnit;
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{Port, PortConfig, Roll, Shared, signed};
+use multidrop::demo_unit::DemoUnit;
+use multidrop::protocol::format::LineFormat;
+use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
 use static_cell::StaticCell;
 
 // ANCHOR: node
@@ -26,23 +26,15 @@ static ROLL: Roll<Dog, 2> = Roll::new();
 
 /// Takes frames from the line.
 #[embassy_executor::task]
-async fn receive(port: &'static Port<Rs485>) -> ! {
-    signed(
-        |task| ROLL.sign::<0>(task),
-        multidrop_firmware::receive(port),
-    )
-    .await
+async fn receive(port: &'static ServerPort<Rs485>) -> ! {
+    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
 }
 
 /// Answers requests.
 #[embassy_executor::task]
-async fn serve(port: &'static Port<Rs485>) -> ! {
+async fn serve(port: &'static ServerPort<Rs485>) -> ! {
     let unit = Shared::new(DemoUnit::new(outputs()));
-    signed(
-        |task| ROLL.sign::<1>(task),
-        multidrop_firmware::serve(port, &unit),
-    )
-    .await
+    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, &unit)).await
 }
 // ANCHOR_END: node
 
@@ -60,8 +52,8 @@ fn main() -> ! {
         const { settings(&PORT) },
     );
 
-    static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
-    let port = PORT_CELL.init(Port::new(line, &PORT));
+    static PORT_CELL: StaticCell<ServerPort<Rs485>> = StaticCell::new();
+    let port = PORT_CELL.init(ServerPort::new(line, &PORT));
     executor::run_on_roll(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port).unwrap());

@@ -1,5 +1,5 @@
 //! A unit that fails while it answers, for tests: unit 5, 38400 8N1 if not built otherwise. How is up to who asks
-//! ([`multidrop_firmware::faults`]).
+//! ([`multidrop::faults`]).
 #![no_std]
 #![no_main]
 #![feature(abi_avr_interrupt)]
@@ -8,9 +8,9 @@ use avr_device::asm::delay_cycles;
 use avr_device::interrupt;
 use board_nano::{CLOCK_HZ, Rs485, Watchdog, options, settings};
 use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins, pac};
-use multidrop_firmware::faults::{Asked, Failure, Faults, keep, use_up_stack};
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{Port, PortConfig, Roll, Shared, signed};
+use multidrop::faults::{Asked, Failure, Faults, keep, use_up_stack};
+use multidrop::protocol::format::LineFormat;
+use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
 use static_cell::StaticCell;
 
 const BAUD: u32 = options::baud(38_400);
@@ -37,26 +37,18 @@ bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
 static ROLL: Roll<Dog, 3> = Roll::new();
 
 #[embassy_executor::task]
-async fn receive(port: &'static Port<Rs485>) -> ! {
-    signed(
-        |task| ROLL.sign::<0>(task),
-        multidrop_firmware::receive(port),
-    )
-    .await
+async fn receive(port: &'static ServerPort<Rs485>) -> ! {
+    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
 }
 
 #[embassy_executor::task]
-async fn serve(port: &'static Port<Rs485>, asked: &'static Asked) -> ! {
+async fn serve(port: &'static ServerPort<Rs485>, asked: &'static Asked) -> ! {
     let model = Shared::new(Faults::new(
         asked,
         board_nano::reset_cause(),
         board_nano::stack,
     ));
-    signed(
-        |task| ROLL.sign::<1>(task),
-        multidrop_firmware::serve(port, &model),
-    )
-    .await
+    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, &model)).await
 }
 
 /// Turns interrupts of the USART off behind the line's back.
@@ -74,7 +66,7 @@ fn lose(interrupts: u8) {
 /// Fails as it is asked to.
 #[embassy_executor::task]
 async fn fail(
-    port: &'static Port<Rs485>,
+    port: &'static ServerPort<Rs485>,
     asked: &'static Asked,
     timer0: pac::TC0,
     timer2: pac::TC2,
@@ -144,8 +136,8 @@ fn main() -> ! {
 
     static ASKED: StaticCell<Asked> = StaticCell::new();
     let asked = ASKED.init(Asked::new());
-    static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
-    let port = PORT_CELL.init(Port::new(line, &PORT));
+    static PORT_CELL: StaticCell<ServerPort<Rs485>> = StaticCell::new();
+    let port = PORT_CELL.init(ServerPort::new(line, &PORT));
     executor::run_on_roll(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port, asked).unwrap());

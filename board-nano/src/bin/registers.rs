@@ -5,9 +5,9 @@
 
 use board_nano::{Rs485, Watchdog, options, settings};
 use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins};
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::yardstick::Yardstick;
-use multidrop_firmware::{Port, PortConfig, Roll, Shared, signed};
+use multidrop::protocol::format::LineFormat;
+use multidrop::yardstick::Yardstick;
+use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
 use static_cell::StaticCell;
 
 /// Items in each table.
@@ -25,22 +25,14 @@ bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
 static ROLL: Roll<Dog, 2> = Roll::new();
 
 #[embassy_executor::task]
-async fn receive(port: &'static Port<Rs485>) -> ! {
-    signed(
-        |task| ROLL.sign::<0>(task),
-        multidrop_firmware::receive(port),
-    )
-    .await
+async fn receive(port: &'static ServerPort<Rs485>) -> ! {
+    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
 }
 
 #[embassy_executor::task]
-async fn serve(port: &'static Port<Rs485>) -> ! {
+async fn serve(port: &'static ServerPort<Rs485>) -> ! {
     let model = Shared::new(Yardstick::<COUNT, { COUNT.div_ceil(8) }>::new());
-    signed(
-        |task| ROLL.sign::<1>(task),
-        multidrop_firmware::serve(port, &model),
-    )
-    .await
+    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, &model)).await
 }
 
 #[avr_device::entry]
@@ -56,8 +48,8 @@ fn main() -> ! {
         const { settings(&PORT) },
     );
 
-    static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
-    let port = PORT_CELL.init(Port::new(line, &PORT));
+    static PORT_CELL: StaticCell<ServerPort<Rs485>> = StaticCell::new();
+    let port = PORT_CELL.init(ServerPort::new(line, &PORT));
     executor::run_on_roll(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port).unwrap());

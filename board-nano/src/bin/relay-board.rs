@@ -7,12 +7,12 @@
 use board_nano::{Rs485, Watchdog, options, settings};
 use embassy_avr_hal::gpio::{Pins, PortDOut};
 use embassy_avr_hal::{bind_usart0, bind_watchdog, executor};
-use multidrop_firmware::protocol::data::{Registers, RegistersOut};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::protocol::registers::within;
-use multidrop_firmware::protocol::server::DataModel;
-use multidrop_firmware::{Port, PortConfig, Roll, Shared, signed};
+use multidrop::protocol::data::{Registers, RegistersOut};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::format::LineFormat;
+use multidrop::protocol::registers::within;
+use multidrop::protocol::server::DataModel;
+use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
 use static_cell::StaticCell;
 
 const PORT: PortConfig = PortConfig::new("RS4")
@@ -91,25 +91,17 @@ bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
 static ROLL: Roll<Dog, 2> = Roll::new();
 
 #[embassy_executor::task]
-async fn receive(port: &'static Port<Rs485>) -> ! {
-    signed(
-        |task| ROLL.sign::<0>(task),
-        multidrop_firmware::receive(port),
-    )
-    .await
+async fn receive(port: &'static ServerPort<Rs485>) -> ! {
+    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
 }
 
 #[embassy_executor::task]
-async fn serve(port: &'static Port<Rs485>) -> ! {
+async fn serve(port: &'static ServerPort<Rs485>) -> ! {
     let relays = Shared::new(Relays {
         on: 0,
         pins: PortDOut::new(0b1111 << PIN),
     });
-    signed(
-        |task| ROLL.sign::<1>(task),
-        multidrop_firmware::serve(port, &relays),
-    )
-    .await
+    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, &relays)).await
 }
 
 #[avr_device::entry]
@@ -125,8 +117,8 @@ fn main() -> ! {
         const { settings(&PORT) },
     );
 
-    static PORT_CELL: StaticCell<Port<Rs485>> = StaticCell::new();
-    let port = PORT_CELL.init(Port::new(line, &PORT));
+    static PORT_CELL: StaticCell<ServerPort<Rs485>> = StaticCell::new();
+    let port = PORT_CELL.init(ServerPort::new(line, &PORT));
     executor::run_on_roll(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port).unwrap());

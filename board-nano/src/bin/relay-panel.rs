@@ -24,8 +24,8 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Ticker, with_timeout};
 use embedded_hal::digital::{InputPin, OutputPin};
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{Client, ClientConfig, ClientError, ClientPort, PortConfig, Roll, signed};
+use multidrop::protocol::format::LineFormat;
+use multidrop::{Client, ClientConfig, ClientError, ClientPort, PortConfig, Roll, signed};
 use static_cell::StaticCell;
 
 // ANCHOR: port
@@ -119,11 +119,7 @@ impl Panel {
 // ANCHOR: receive
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
-    signed(
-        |task| ROLL.sign::<0>(task),
-        multidrop_firmware::client_receive(port),
-    )
-    .await
+    signed(|task| ROLL.sign::<0>(task), multidrop::client_receive(port)).await
 }
 // ANCHOR_END: receive
 

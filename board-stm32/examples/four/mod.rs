@@ -1,15 +1,15 @@
 //! What the examples with a server on each of the four ports share: ports at the build's rate and format, and the registers that all
 //! four serve.
 
-use board_stm32::ports::PortSettings;
+use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Board, Roll, options};
-use multidrop_firmware::PortConfig;
-use multidrop_firmware::protocol::data::{Registers, RegistersOut};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::protocol::registers::Bank;
-use multidrop_firmware::protocol::server::DataModel;
+use multidrop::PortConfig;
+use multidrop::protocol::data::{Registers, RegistersOut};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::format::LineFormat;
+use multidrop::protocol::registers::Bank;
+use multidrop::protocol::server::DataModel;
 
 const fn port(name: &'static str) -> PortConfig {
     PortConfig::new(name)
@@ -47,9 +47,9 @@ impl<const N: usize> DataModel for Model<N> {
 /// All four lines, in the order of their names above.
 pub fn open(board: Board) -> [Usart; 4] {
     [
-        board.as1.open(const { PortSettings::new(&AS1) }),
-        board.as2.open(const { PortSettings::new(&AS2) }),
-        board.rs2.open(const { PortSettings::new(&RS2) }),
-        board.rs4.open(const { PortSettings::new(&RS4) }),
+        board.as1.open(const { PortSetup::new(&AS1) }),
+        board.as2.open(const { PortSetup::new(&AS2) }),
+        board.rs2.open(const { PortSetup::new(&RS2) }),
+        board.rs4.open(const { PortSetup::new(&RS4) }),
     ]
 }

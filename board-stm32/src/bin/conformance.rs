@@ -3,18 +3,18 @@
 #![no_std]
 #![no_main]
 
-use board_stm32::ports::PortSettings;
+use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog, info, options};
-use multidrop_firmware::conformance::{Conformance, EVENTS, UNIT};
-use multidrop_firmware::protocol::format::{Framing, LineFormat};
-use multidrop_firmware::protocol::server::Counted;
-use multidrop_firmware::{PortConfig, Shared, signed};
+use multidrop::conformance::{Conformance, EVENTS, UNIT};
+use multidrop::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::server::Counted;
+use multidrop::{PortConfig, Shared, signed};
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// With 32 records in file 4.
 type Model = Shared<Conformance<32>>;
-type Port = multidrop_firmware::Port<Usart, Counted<EVENTS>>;
+type Port = multidrop::ServerPort<Usart, Counted<EVENTS>>;
 
 const FRAMING: (Framing, LineFormat) = if options::ascii() {
     (Framing::Ascii, LineFormat::F7E1)
@@ -33,26 +33,18 @@ static ROLL: Roll<2> = Roll::new();
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
-    signed(
-        |task| ROLL.sign::<0>(task),
-        multidrop_firmware::receive(port),
-    )
-    .await
+    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
 }
 
 #[embassy_executor::task]
 async fn serve(port: &'static Port, model: &'static Model) -> ! {
-    signed(
-        |task| ROLL.sign::<1>(task),
-        multidrop_firmware::serve(port, model),
-    )
-    .await
+    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, model)).await
 }
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let board = board_stm32::init(Watchdog::DEFAULT);
-    let line = board.rs4.open(const { PortSettings::new(&PORT) });
+    let line = board.rs4.open(const { PortSetup::new(&PORT) });
     info!("conformance: unit {} on RS4", UNIT);
 
     static PORT_CELL: StaticCell<Port> = StaticCell::new();

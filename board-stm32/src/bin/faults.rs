@@ -1,9 +1,9 @@
 //! A unit that fails while it answers, for tests: unit 5 on RS4, 38400 8N1 if not built otherwise. How is up to who asks
-//! ([`multidrop_firmware::faults`]).
+//! ([`multidrop::faults`]).
 #![no_std]
 #![no_main]
 
-use board_stm32::ports::PortSettings;
+use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog, options};
 use cortex_m::peripheral::NVIC;
@@ -11,9 +11,9 @@ use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::pac;
 use embassy_time::{Duration, Timer};
-use multidrop_firmware::faults::{Asked, Failure, Faults, keep, use_up_stack};
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::{Port, PortConfig, Shared, signed};
+use multidrop::faults::{Asked, Failure, Faults, keep, use_up_stack};
+use multidrop::protocol::format::LineFormat;
+use multidrop::{PortConfig, ServerPort, Shared, signed};
 use static_cell::StaticCell;
 
 const BAUD: u32 = options::baud(38_400);
@@ -36,31 +36,23 @@ const RAM_END: usize = 0x2002_0000;
 static ROLL: Roll<3> = Roll::new();
 
 #[embassy_executor::task]
-async fn receive(port: &'static Port<Usart>) -> ! {
-    signed(
-        |task| ROLL.sign::<0>(task),
-        multidrop_firmware::receive(port),
-    )
-    .await
+async fn receive(port: &'static ServerPort<Usart>) -> ! {
+    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
 }
 
 #[embassy_executor::task]
-async fn serve(port: &'static Port<Usart>, asked: &'static Asked) -> ! {
+async fn serve(port: &'static ServerPort<Usart>, asked: &'static Asked) -> ! {
     let model = Shared::new(Faults::new(
         asked,
         board_stm32::reset_cause(),
         board_stm32::stack,
     ));
-    signed(
-        |task| ROLL.sign::<1>(task),
-        multidrop_firmware::serve(port, &model),
-    )
-    .await
+    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, &model)).await
 }
 
 /// Fails as it is asked to.
 #[embassy_executor::task]
-async fn fail(port: &'static Port<Usart>, asked: &'static Asked) -> ! {
+async fn fail(port: &'static ServerPort<Usart>, asked: &'static Asked) -> ! {
     signed(|task| ROLL.sign::<2>(task), async move {
         loop {
             let failure = asked.wait().await;
@@ -118,12 +110,12 @@ fn SPI1() {
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let board = board_stm32::init(Watchdog::DEFAULT);
-    let line = board.rs4.open(const { PortSettings::new(&PORT) });
+    let line = board.rs4.open(const { PortSetup::new(&PORT) });
 
     static ASKED: StaticCell<Asked> = StaticCell::new();
     let asked = ASKED.init(Asked::new());
-    static PORT_CELL: StaticCell<Port<Usart>> = StaticCell::new();
-    let port = PORT_CELL.init(Port::new(line, &PORT));
+    static PORT_CELL: StaticCell<ServerPort<Usart>> = StaticCell::new();
+    let port = PORT_CELL.init(ServerPort::new(line, &PORT));
     board_stm32::run(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port, asked).unwrap());

@@ -24,20 +24,18 @@
 #![no_std]
 #![no_main]
 
-use board_stm32::ports::PortSettings;
+use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog, info};
-use multidrop_firmware::protocol::data::{Registers, RegistersOut};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::format::{Framing, LineFormat};
-use multidrop_firmware::protocol::port_registers::{Mode, PortRegisters, Register};
-use multidrop_firmware::protocol::registers::{Bank, CoilBank, NoCoils, NoRules, within};
-use multidrop_firmware::protocol::server::{DataModel, Uncounted};
-use multidrop_firmware::scan::{Entry, Scan};
-use multidrop_firmware::sniff::Tap;
-use multidrop_firmware::{
-    ManagedPort, Manager, PortConfig, Route, Router, Shared, manager, signed,
-};
+use multidrop::poll::{PollEntry, PollList};
+use multidrop::protocol::data::{Registers, RegistersOut};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::port_registers::{Mode, PortRegisters, Register};
+use multidrop::protocol::registers::{Bank, CoilBank, NoCoils, NoRules, within};
+use multidrop::protocol::server::{DataModel, Uncounted};
+use multidrop::sniff::Capture;
+use multidrop::{ManagedPort, Manager, PortConfig, Route, Router, Shared, manager, signed};
 use static_cell::{ConstStaticCell, StaticCell};
 
 // ANCHOR: table
@@ -68,14 +66,14 @@ const PORTS: [PortConfig; 4] = manager::table([
 const TIMEOUT_MS: u32 = 50;
 
 /// Who asks on RS4: its registers, the scan list, the routers.
-const ASKERS: usize = 4;
+const CLIENTS: usize = 4;
 
 type As1 = ManagedPort<Usart, PortRegisters<Bank<1>, NoCoils, NoRules>>;
 type As2 = ManagedPort<Usart, PortRegisters<Bank<16>, CoilBank<2>, NoRules>>;
 type Rs2 = ManagedPort<Usart, PortRegisters<Bank<1>, NoCoils, NoRules>>;
-type Rs4 = ManagedPort<Usart, PortRegisters<Bank<16>, NoCoils, NoRules>, Uncounted, ASKERS>;
-type To = Router<Usart, ASKERS>;
-type Polled = Scan<3, 3>;
+type Rs4 = ManagedPort<Usart, PortRegisters<Bank<16>, NoCoils, NoRules>, Uncounted, CLIENTS>;
+type To = Router<Usart, CLIENTS>;
+type Polled = PollList<3, 3>;
 
 /// Where the registers of the first port begin, and how far apart they are.
 const SETTINGS: u16 = 1000;
@@ -83,7 +81,7 @@ const SETTINGS: u16 = 1000;
 /// What AS1 tells.
 struct Told {
     polled: &'static Polled,
-    tap: &'static Tap<384>,
+    capture: &'static Capture<384>,
     manager: Manager<4>,
 }
 
@@ -115,7 +113,7 @@ impl DataModel for Told {
                     .saturating_add(health.exceptions)
                     .saturating_add(others)
             }
-            _ => self.tap.dropped() as u16,
+            _ => self.capture.dropped() as u16,
         }));
         Ok(())
     }
@@ -159,12 +157,12 @@ macro_rules! tasks {
     ($($place:literal $port:ident: $receive:ident, $run:ident($($model:ident: $type:ty)?) $function:ident;)*) => { $(
         #[embassy_executor::task]
         async fn $receive(port: &'static $port) -> ! {
-            signed(|task| ROLL.sign::<$place>(task), multidrop_firmware::managed_receive(port)).await
+            signed(|task| ROLL.sign::<$place>(task), multidrop::managed_receive(port)).await
         }
 
         #[embassy_executor::task]
         async fn $run(port: &'static $port $(, $model: $type)?) -> ! {
-            let run = multidrop_firmware::$function(port $(, $model)?);
+            let run = multidrop::$function(port $(, $model)?);
             signed(|task| ROLL.sign::<{ $place + 1 }>(task), run).await
         }
     )* };
@@ -179,20 +177,12 @@ tasks! {
 
 #[embassy_executor::task]
 async fn as1_route(router: &'static To) -> ! {
-    signed(
-        |task| ROLL.sign::<8>(task),
-        multidrop_firmware::route(router),
-    )
-    .await
+    signed(|task| ROLL.sign::<8>(task), multidrop::route(router)).await
 }
 
 #[embassy_executor::task]
 async fn as2_route(router: &'static To) -> ! {
-    signed(
-        |task| ROLL.sign::<9>(task),
-        multidrop_firmware::route(router),
-    )
-    .await
+    signed(|task| ROLL.sign::<9>(task), multidrop::route(router)).await
 }
 
 #[embassy_executor::task]
@@ -206,7 +196,7 @@ async fn poll(port: &'static Rs4, polled: &'static Polled) -> ! {
 
 // ANCHOR: routes
 /// Leads from these units to 1, 2 and 3 on RS4.
-fn routes(rs4: &'static Rs4, units: [u8; 3]) -> [Route<Usart, ASKERS>; 3] {
+fn routes(rs4: &'static Rs4, units: [u8; 3]) -> [Route<Usart, CLIENTS>; 3] {
     let through = rs4.client_as_set();
     core::array::from_fn(|place| Route {
         unit: units[place],
@@ -220,28 +210,29 @@ fn routes(rs4: &'static Rs4, units: [u8; 3]) -> [Route<Usart, ASKERS>; 3] {
 fn main() -> ! {
     let board = board_stm32::init(Watchdog::DEFAULT);
     let lines = (
-        board.as1.open(const { PortSettings::new(&PORTS[0]) }),
-        board.as2.open(const { PortSettings::new(&PORTS[1]) }),
-        board.rs2.open(const { PortSettings::new(&PORTS[2]) }),
-        board.rs4.open(const { PortSettings::new(&PORTS[3]) }),
+        board.as1.open(const { PortSetup::new(&PORTS[0]) }),
+        board.as2.open(const { PortSetup::new(&PORTS[1]) }),
+        board.rs2.open(const { PortSetup::new(&PORTS[2]) }),
+        board.rs4.open(const { PortSetup::new(&PORTS[3]) }),
     );
     info!("ports: AS1, AS2, RS2, RS4");
 
-    static TAP: ConstStaticCell<Tap<384>> = ConstStaticCell::new(Tap::within_ms(TIMEOUT_MS));
+    static CAPTURE: ConstStaticCell<Capture<384>> =
+        ConstStaticCell::new(Capture::within_ms(TIMEOUT_MS));
     // ANCHOR: scan
-    static POLLED: ConstStaticCell<Polled> = ConstStaticCell::new(Scan::new([
-        Entry::holding_registers(1, 0, 1).period_ms(100),
-        Entry::holding_registers(2, 0, 1).period_ms(100),
-        Entry::holding_registers(3, 0, 1).period_ms(100),
+    static POLLED: ConstStaticCell<Polled> = ConstStaticCell::new(PollList::new([
+        PollEntry::holding_registers(1, 0, 1).period_ms(100),
+        PollEntry::holding_registers(2, 0, 1).period_ms(100),
+        PollEntry::holding_registers(3, 0, 1).period_ms(100),
     ]));
     // ANCHOR_END: scan
-    let tap: &'static _ = TAP.take();
+    let capture: &'static _ = CAPTURE.take();
     let polled: &'static _ = POLLED.take();
 
-    // ANCHOR: tap
+    // ANCHOR: capture
     static RS4: StaticCell<Rs4> = StaticCell::new();
     let rs4: &'static _ = RS4.init(ManagedPort::with(
-        lines.3.shown_to(tap),
+        lines.3.observed_by(capture),
         &PORTS[3],
         PORTS[3].bank(),
         NoCoils,
@@ -249,11 +240,11 @@ fn main() -> ! {
     ));
     static RS2: StaticCell<Rs2> = StaticCell::new();
     let rs2 = ManagedPort::new(lines.2, &PORTS[2], PORTS[2].bank(), NoCoils);
-    let rs2: &'static _ = RS2.init(rs2.voiced(tap));
-    // ANCHOR_END: tap
+    let rs2: &'static _ = RS2.init(rs2.printing(capture));
+    // ANCHOR_END: capture
 
     // ANCHOR: router
-    static AS2_ROUTES: StaticCell<[Route<Usart, ASKERS>; 3]> = StaticCell::new();
+    static AS2_ROUTES: StaticCell<[Route<Usart, CLIENTS>; 3]> = StaticCell::new();
     static AS2_ROUTER: StaticCell<To> = StaticCell::new();
     static AS2: StaticCell<As2> = StaticCell::new();
     let as2_router = AS2_ROUTER.init(Router::new(AS2_ROUTES.init(routes(rs4, [11, 12, 13]))));
@@ -262,7 +253,7 @@ fn main() -> ! {
     let as2: &'static _ = AS2.init(as2.routed(as2_router));
     // ANCHOR_END: router
 
-    static AS1_ROUTES: StaticCell<[Route<Usart, ASKERS>; 3]> = StaticCell::new();
+    static AS1_ROUTES: StaticCell<[Route<Usart, CLIENTS>; 3]> = StaticCell::new();
     static AS1_ROUTER: StaticCell<To> = StaticCell::new();
     static AS1: StaticCell<As1> = StaticCell::new();
     let as1_router = AS1_ROUTER.init(Router::new(AS1_ROUTES.init(routes(rs4, [1, 2, 3]))));
@@ -272,7 +263,7 @@ fn main() -> ! {
     static TOLD: StaticCell<Shared<Told>> = StaticCell::new();
     let told: &'static _ = TOLD.init(Shared::new(Told {
         polled,
-        tap,
+        capture,
         manager: Manager::new([as1, as2, rs2, rs4]),
     }));
     board_stm32::run(&ROLL, |spawner| {

@@ -2,12 +2,12 @@
 #![no_std]
 #![no_main]
 
-use board_stm32::ports::PortSettings;
+use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog, info, options};
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::yardstick::Yardstick;
-use multidrop_firmware::{Port, PortConfig, Shared, signed};
+use multidrop::protocol::format::LineFormat;
+use multidrop::yardstick::Yardstick;
+use multidrop::{PortConfig, ServerPort, Shared, signed};
 use static_cell::StaticCell;
 
 /// Items in each table.
@@ -22,32 +22,24 @@ const PORT: PortConfig = PortConfig::new("RS4")
 static ROLL: Roll<2> = Roll::new();
 
 #[embassy_executor::task]
-async fn receive(port: &'static Port<Usart>) -> ! {
-    signed(
-        |task| ROLL.sign::<0>(task),
-        multidrop_firmware::receive(port),
-    )
-    .await
+async fn receive(port: &'static ServerPort<Usart>) -> ! {
+    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
 }
 
 #[embassy_executor::task]
-async fn serve(port: &'static Port<Usart>) -> ! {
+async fn serve(port: &'static ServerPort<Usart>) -> ! {
     let model = Shared::new(Yardstick::<COUNT, { COUNT.div_ceil(8) }>::new());
-    signed(
-        |task| ROLL.sign::<1>(task),
-        multidrop_firmware::serve(port, &model),
-    )
-    .await
+    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, &model)).await
 }
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let board = board_stm32::init(Watchdog::DEFAULT);
-    let line = board.rs4.open(const { PortSettings::new(&PORT) });
+    let line = board.rs4.open(const { PortSetup::new(&PORT) });
     info!("registers: unit {} on RS4", PORT.unit());
 
-    static PORT_CELL: StaticCell<Port<Usart>> = StaticCell::new();
-    let port = PORT_CELL.init(Port::new(line, &PORT));
+    static PORT_CELL: StaticCell<ServerPort<Usart>> = StaticCell::new();
+    let port = PORT_CELL.init(ServerPort::new(line, &PORT));
     board_stm32::run(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port).unwrap());

@@ -8,10 +8,10 @@ use core::task::{Context, Poll};
 
 use embassy_stm32::interrupt;
 use embassy_stm32::pac::Interrupt;
-use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError};
-use multidrop_firmware::protocol::port_registers::{Duplex, Flow};
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::sniff::Ear;
+use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError};
+use multidrop::protocol::port_registers::{Duplex, Flow};
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::sniff::Observer;
 
 use super::registers;
 use super::settings::Settings;
@@ -80,7 +80,7 @@ pub struct Usart {
     port: u8,
     /// RTS and CTS are the port's.
     has_handshake: bool,
-    ear: Cell<Option<&'static dyn Ear>>,
+    observer: Cell<Option<&'static dyn Observer>>,
     /// Not to be used from an interrupt.
     _tasks: PhantomData<*const ()>,
 }
@@ -94,7 +94,7 @@ impl Usart {
             adu: &ADUS[port],
             port: port as u8,
             has_handshake: settings.rts_cts,
-            ear: Cell::new(None),
+            observer: Cell::new(None),
             _tasks: PhantomData,
         };
         registers::connect(&WIRING[port]);
@@ -119,9 +119,9 @@ impl Usart {
         }
     }
 
-    /// The same, and `ear` is [shown](Line::show) the traffic.
-    pub fn shown_to(self, ear: &'static dyn Ear) -> Self {
-        self.ear.set(Some(ear));
+    /// The same, and `observer` is [shown](Line::show) the traffic.
+    pub fn observed_by(self, observer: &'static dyn Observer) -> Self {
+        self.observer.set(Some(observer));
         self
     }
 
@@ -161,7 +161,7 @@ impl Usart {
 // SAFETY: the machine lends the port's one buffer once until `give_back`, and keeps interrupts from it meanwhile; only the
 // transmitter's interrupt reads it, after `release`.
 unsafe impl Lend for Usart {
-    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, ReceiveErrors>> {
         self.with(|state| {
             state.chip.receiver.register(context.waker());
             state.machine.fetch().map_or(Poll::Pending, Poll::Ready)
@@ -197,7 +197,7 @@ unsafe impl Lend for Usart {
 impl Line for Usart {
     const HAS_NEIGHBOURS: bool = true;
 
-    fn quiet(&self) -> impl Future<Output = Flaws> {
+    fn quiet(&self) -> impl Future<Output = ReceiveErrors> {
         poll_fn(|context| self.poll_user(context, |state| state.machine.quiet(&mut state.chip)))
     }
 
@@ -224,9 +224,9 @@ impl Line for Usart {
         self.with(|state| state.set_delimiter(delimiter));
     }
 
-    fn show(&self, seen: Result<&[u8], Flaws>) {
-        if let Some(ear) = self.ear.get() {
-            ear.hear(seen);
+    fn show(&self, seen: Result<&[u8], ReceiveErrors>) {
+        if let Some(observer) = self.observer.get() {
+            observer.hear(seen);
         }
     }
 

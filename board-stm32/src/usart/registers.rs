@@ -3,7 +3,7 @@
 
 use embassy_stm32::pac::gpio::{Gpio, vals::Moder, vals::Ospeedr, vals::Pupdr};
 use embassy_stm32::pac::{self, EXTI, SYSCFG, usart::Usart};
-use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop::protocol::rtu::ReceiveErrors;
 
 use super::settings::Settings;
 use crate::ports::{PORTS, Pin, WIRING, Wiring};
@@ -184,18 +184,18 @@ impl Registers {
 /// What the error bits of SR mean. A character on which the three samples of a bit disagree counts as
 /// damaged: an LRC would let one such in 256 pass.
 #[inline(always)]
-pub(crate) fn flaws(status: u32) -> Flaws {
-    let mut flaws = Flaws::NONE;
+pub(crate) fn errors(status: u32) -> ReceiveErrors {
+    let mut errors = ReceiveErrors::NONE;
     if status & (FE | NF) != 0 {
-        flaws |= Flaws::FRAMING;
+        errors |= ReceiveErrors::FRAMING;
     }
     if status & ORE != 0 {
-        flaws |= Flaws::OVERRUN;
+        errors |= ReceiveErrors::OVERRUN;
     }
     if status & PE != 0 {
-        flaws |= Flaws::PARITY;
+        errors |= ReceiveErrors::PARITY;
     }
-    flaws
+    errors
 }
 
 /// Clocks of all ports' USARTs and of their GPIOs, and of SYSCFG (RM0090 7.3.10, 7.3.13, 7.3.14).

@@ -1,9 +1,9 @@
 //! From a [`LineConfig`] to register contents and timer ticks, at compile time or at run time.
 
-use multidrop_firmware::line::{InterCharacter, LineConfig, LineError, Role};
-use multidrop_firmware::protocol::format::{Framing, LineFormat, Parity};
-use multidrop_firmware::protocol::port_registers::Flow;
-use multidrop_firmware::protocol::timing;
+use multidrop::line::{InterCharacter, LineConfig, LineError, Role};
+use multidrop::protocol::format::{Framing, LineFormat, Parity};
+use multidrop::protocol::port_registers::Flow;
+use multidrop::protocol::timing;
 
 use super::baud;
 

@@ -1,5 +1,5 @@
 //! What the interrupts and the futures of a port share: the state machine of
-//! [`protocol::line`](multidrop_firmware::protocol::line), and the chip as its [`Wire`].
+//! [`protocol::line`](multidrop::protocol::line), and the chip as its [`Wire`].
 //!
 //! The interrupts of the line, which do not nest, and the futures, with interrupts off, are the only users.
 
@@ -7,10 +7,10 @@ use core::cell::UnsafeCell;
 use core::ptr::NonNull;
 
 use embassy_sync::waitqueue::WakerRegistration;
-use multidrop_firmware::line::Adu;
-use multidrop_firmware::protocol::format::Framing;
-use multidrop_firmware::protocol::line::{Ascii, Interval, LineMachine, Wire};
-use multidrop_firmware::protocol::rtu::{Flaws, Heard, Reception};
+use multidrop::line::Adu;
+use multidrop::protocol::format::Framing;
+use multidrop::protocol::line::{Ascii, Interval, LineMachine, Wire};
+use multidrop::protocol::rtu::{ReceiveErrors, Received, Reception};
 
 use super::registers::{self, ERRORS, ORE, RXNE, Registers, TC, TXE};
 use super::settings::Settings;
@@ -119,7 +119,7 @@ impl State {
         }
     }
 
-    /// [`Line::give_back`](multidrop_firmware::Line::give_back).
+    /// [`Line::give_back`](multidrop::Line::give_back).
     pub fn give_back(&mut self) {
         self.machine.give_back(&mut self.chip);
         self.lent_ms = 0;
@@ -151,7 +151,7 @@ impl State {
         self.machine.reset(&mut self.chip);
     }
 
-    /// [`Line::set_delimiter`](multidrop_firmware::Line::set_delimiter).
+    /// [`Line::set_delimiter`](multidrop::Line::set_delimiter).
     pub fn set_delimiter(&mut self, delimiter: u8) {
         self.chip.ascii.set_delimiter(delimiter);
     }
@@ -198,20 +198,20 @@ impl State {
     #[inline(always)]
     fn on_character(&mut self, status: u32) {
         let chip = &mut self.chip;
-        let mut flaws = registers::flaws(status);
+        let mut errors = registers::errors(status);
         chip.begin_silence();
         if chip.settings.framing == Framing::Ascii {
             let word = chip.registers.take();
             if word & chip.settings.mark != chip.settings.mark {
                 // The first of two stop bits was none.
-                flaws |= Flaws::FRAMING;
+                errors |= ReceiveErrors::FRAMING;
             }
             let character = word & chip.settings.data;
-            return self.machine.on_ascii_character(chip, character, flaws);
+            return self.machine.on_ascii_character(chip, character, errors);
         }
         // A byte that no longer fits is the reception's to note. A character that was not taken interrupts again (RM0090
         // 30.3.3).
-        if let Some(byte) = self.machine.on_character(chip, flaws, false) {
+        if let Some(byte) = self.machine.on_character(chip, errors, false) {
             chip.push(byte);
         }
     }
@@ -351,7 +351,7 @@ impl Wire for Chip {
     }
 
     #[inline(always)]
-    fn finish(&mut self) -> Heard {
+    fn finish(&mut self) -> Received {
         self.reception.finish()
     }
 

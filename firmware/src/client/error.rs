@@ -4,7 +4,7 @@ use core::fmt;
 
 use multidrop_protocol::client::{AnswerError, Failure, RequestError};
 use multidrop_protocol::exception::Exception;
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 /// Why there is no answer to a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +36,7 @@ pub enum ClientError {
     /// Nothing better was heard than an answer whose echo or fixed fields are not those of the request.
     WrongContent,
     /// Nothing better was heard than a damaged frame.
-    Damaged(Flaws),
+    Damaged(ReceiveErrors),
 }
 
 /// Who could do something about an error.
@@ -77,7 +77,7 @@ impl From<Failure> for ClientError {
         match failure {
             Failure::Timeout => Self::Timeout,
             Failure::Answer(error) => error.into(),
-            Failure::Damaged(flaws) => Self::Damaged(flaws),
+            Failure::Damaged(errors) => Self::Damaged(errors),
         }
     }
 }
@@ -114,7 +114,7 @@ impl fmt::Display for ClientError {
             }
             Self::WrongLength(len) => write!(f, "no answer but of {len} bytes"),
             Self::WrongContent => f.write_str("no answer but to another request"),
-            Self::Damaged(flaws) => write!(f, "no answer but damaged ({flaws:?})"),
+            Self::Damaged(errors) => write!(f, "no answer but damaged ({errors:?})"),
         }
     }
 }

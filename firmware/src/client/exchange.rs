@@ -5,8 +5,8 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::{Context, Poll};
 
-use multidrop_protocol::client::{Asking, Debts};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::client::{Asking, LateAnswers};
+use multidrop_protocol::rtu::ReceiveErrors;
 
 use super::time::now;
 use super::transaction::heard_bytes;
@@ -16,7 +16,7 @@ use crate::line::{Frame, Key, Line};
 use crate::slot::Slot;
 
 /// What was heard: a frame, lent and provisional, or what was wrong with one.
-pub(super) type Heard<L> = Result<Frame<'static, L>, Flaws>;
+pub(super) type Incoming<L> = Result<Frame<'static, L>, ReceiveErrors>;
 
 /// Whose answer is waited for.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -37,9 +37,9 @@ pub struct Exchange<L: Line + 'static, const N: usize> {
     pub(super) turns: Turns<N>,
     /// Of clients that have none of their own.
     times: Cell<ClientConfig>,
-    pub(super) heard: Slot<Heard<L>>,
+    pub(super) heard: Slot<Incoming<L>>,
     expected: Cell<Expected>,
-    debts: RefCell<Debts>,
+    late_answers: RefCell<LateAnswers>,
 }
 
 impl<L: Line + 'static, const N: usize> Exchange<L, N> {
@@ -50,7 +50,7 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
             times: Cell::new(ClientConfig::new()),
             heard: Slot::new(),
             expected: Cell::new(Expected::Nobodys),
-            debts: RefCell::new(Debts::new()),
+            late_answers: RefCell::new(LateAnswers::new()),
         }
     }
 
@@ -62,7 +62,7 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
     pub fn receive(
         &self,
         line: &'static L,
-    ) -> impl Future<Output = Result<Frame<'static, L>, Flaws>> {
+    ) -> impl Future<Output = Result<Frame<'static, L>, ReceiveErrors>> {
         poll_fn(move |context| {
             if self.expected.get() == Expected::Late {
                 self.poll_late(line, context);
@@ -81,7 +81,7 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
             && stands
         {
             let at = self.times.get().moment();
-            self.debts().heard(heard_bytes(&frame), &at);
+            self.late_answers().heard(heard_bytes(&frame), &at);
             self.turns.unpark();
         }
         self.heard.waiter.wake();
@@ -99,7 +99,7 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
 
     /// Hands on what was [received](Self::receive) to the request that waits; if none does, a frame is looked at for an answer
     /// that comes too late, and given back to the line.
-    pub fn offer(&self, heard: Result<Frame<'static, L>, Flaws>) {
+    pub fn offer(&self, heard: Result<Frame<'static, L>, ReceiveErrors>) {
         let is_late = |frame: &Frame<'static, L>| self.is_owed(heard_bytes(frame));
         match self.expected.get() {
             Expected::Nobodys | Expected::Late => {
@@ -149,23 +149,23 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
 
     /// Whether an answer of this kind is owed to a request before.
     pub(super) fn is_owed(&self, frame: &[u8]) -> bool {
-        self.debts.borrow_mut().is_owed(frame)
+        self.late_answers.borrow_mut().is_owed(frame)
     }
 
     /// What the line owes, to be changed.
-    pub(super) fn debts(&self) -> RefMut<'_, Debts> {
-        self.debts.borrow_mut()
+    pub(super) fn late_answers(&self) -> RefMut<'_, LateAnswers> {
+        self.late_answers.borrow_mut()
     }
 
     /// Until when the answers that are owed hold up a request with this function code; `None` if it may go out.
     pub(super) fn parked(&self, asking: &Asking, function: u8) -> Option<u32> {
-        let mut debts = self.debts.borrow_mut();
+        let mut late_answers = self.late_answers.borrow_mut();
         // Right behind an answer there is no time to look at the clock.
-        if debts.is_empty() {
+        if late_answers.is_empty() {
             return None;
         }
         let now = now();
-        match asking.wait(&mut debts, function, now) {
+        match asking.wait(&mut late_answers, function, now) {
             0 => None,
             wait => Some(now.wrapping_add(wait)),
         }

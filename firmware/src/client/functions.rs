@@ -4,9 +4,9 @@
 //! is filled at t1.5 already, where there is time. After an error its content means nothing.
 
 use multidrop_protocol::client::{
-    Diagnostic, EventCounter, EventLog, FileData, FileRange, GetEventCounter, GetEventLog,
-    Identification, MaskWrite, Raw, ReadBits, ReadExceptionStatus, ReadFifo, ReadFiles,
-    ReadIdentification, ReadRegisters, ReadWriteRegisters, Records, ReportServerId, Request,
+    Diagnostic, EventCounter, EventLog, FileData, FileRange, FileRecords, GetEventCounter,
+    GetEventLog, Identification, MaskWrite, Raw, ReadBits, ReadExceptionStatus, ReadFifo,
+    ReadFiles, ReadIdentification, ReadRegisters, ReadWriteRegisters, ReportServerId, Request,
     RequestError, ReturnQueryData, ServerId, WriteCoil, WriteCoils, WriteFiles, WritePackedCoils,
     WriteRegister, WriteRegisters,
 };
@@ -224,7 +224,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         &self,
         unit: u8,
         groups: &[FileRange],
-        read: impl FnOnce(Records<'_>) -> R,
+        read: impl FnOnce(FileRecords<'_>) -> R,
     ) -> Result<R, ClientError> {
         let request = ReadFiles { groups };
         self.look(unit, &request, |frame| Ok(read(request.answer(frame)?)))

@@ -6,7 +6,7 @@
 //! else; [`client_receive`] is its task.
 //!
 //! ```
-//! use multidrop_firmware::{ClientConfig, ClientError, ClientPort, Line, client_receive};
+//! use multidrop::{ClientConfig, ClientError, ClientPort, Line, client_receive};
 //!
 //! /// The body of the port's task.
 //! async fn receive<L: Line>(port: &'static ClientPort<L, 1>) -> ! {
@@ -38,7 +38,7 @@
 //! by another request before an answer that was waited for in vain has come, or is
 //! [not expected any more](ClientConfig::late_guard_ms); such a request gives its turn up until then, and all others go first.
 //! A retry does not wait for what it owes itself: the first answer ends it, and a second one is expected then. A line keeps
-//! account of four units and functions at a time ([`Debts`](multidrop_protocol::client::Debts)); where more owe an answer, all
+//! account of four units and functions at a time ([`LateAnswers`](multidrop_protocol::client::LateAnswers)); where more owe an answer, all
 //! wait. What cannot be helped is an answer that comes behind the guard time.
 //!
 //! A request that is given up by dropping its future still has an answer to come. Nothing else is asked before it comes, or its

@@ -8,9 +8,9 @@ use core::pin::{Pin, pin};
 use core::task::{Context, Poll, ready};
 
 use multidrop_protocol::client::{
-    AnswerError, Asking, Heard, Moment, Next, Request, encode, judge,
+    AnswerError, Asking, Event, Moment, Next, Request, encode, judge,
 };
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 use super::destination::Take;
 use super::exchange::Expected;
@@ -184,38 +184,38 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
     #[inline(never)]
     fn sent(&mut self) {
         let at = self.client.moment();
-        let mut debts = self.client.exchange.debts();
+        let mut late_answers = self.client.exchange.late_answers();
         if self.is_answered {
-            self.asking.sent(&mut debts, self.function, &at);
+            self.asking.sent(&mut late_answers, self.function, &at);
         } else {
             let turnaround = self.client.config().turnaround();
             self.wait.until = at.now.wrapping_add(turnaround);
-            debts.pause(turnaround, at.now);
+            late_answers.pause(turnaround, at.now);
         }
     }
 
     /// How it goes on. An answer is in `frame` then.
     fn poll_hearing(&mut self, context: &mut Context<'_>) -> Poll<Next> {
-        let flaws = match &mut self.frame {
+        let errors = match &mut self.frame {
             Some(frame) => match ready!(pin!(frame.settle()).poll(context)) {
-                true => Flaws::NONE,
-                false => Flaws::GAP,
+                true => ReceiveErrors::NONE,
+                false => ReceiveErrors::GAP,
             },
             None => match self.client.exchange.heard.poll(context) {
                 Poll::Ready(Ok(frame)) => return Poll::Ready(self.look(frame)),
-                Poll::Ready(Err(flaws)) => flaws,
+                Poll::Ready(Err(errors)) => errors,
                 Poll::Pending => {
                     ready!(poll_over(self.asking.deadline(), context));
                     // An answer that has begun in time is waited for, as long as it may be a good one.
                     let quiet = pin!(self.client.line.quiet()).poll(context);
-                    if quiet != Poll::Ready(Flaws::NONE) {
+                    if quiet != Poll::Ready(ReceiveErrors::NONE) {
                         self.asking.hears_out();
                     }
                     ready!(quiet)
                 }
             },
         };
-        Poll::Ready(self.heard(flaws))
+        Poll::Ready(self.heard(errors))
     }
 
     /// A frame has come, and may not stand.
@@ -232,21 +232,21 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
         match must_stand {
             true => Next::Wait,
             // It is nobody's answer.
-            false => self.heard(Flaws::NONE),
+            false => self.heard(ReceiveErrors::NONE),
         }
     }
 
-    /// What was heard has these flaws, or is in `frame`; else the time is over.
+    /// What was heard has these errors, or is in `frame`; else the time is over.
     #[inline(never)]
-    fn heard(&mut self, flaws: Flaws) -> Next {
+    fn heard(&mut self, errors: ReceiveErrors) -> Next {
         let exchange = self.client.exchange;
         let at = self.client.moment();
         let heard = match &self.frame {
-            _ if !flaws.is_empty() => Heard::Damaged(flaws),
-            Some(frame) => Heard::Frame(frame.heard(), self.judged),
-            None => Heard::Nothing,
+            _ if !errors.is_empty() => Event::Damaged(errors),
+            Some(frame) => Event::Frame(frame.heard(), self.judged),
+            None => Event::Nothing,
         };
-        let next = self.asking.heard(&mut exchange.debts(), heard, &at);
+        let next = self.asking.heard(&mut exchange.late_answers(), heard, &at);
         if next != Next::Answered && self.frame.take().is_some() {
             // It may have been what others wait for.
             exchange.turns.unpark();
@@ -375,7 +375,7 @@ impl<L: Line + 'static, const N: usize> Drop for Run<'_, L, N> {
             _ => false,
         };
         if is_out {
-            self.asking.given_up(&mut exchange.debts(), now());
+            self.asking.given_up(&mut exchange.late_answers(), now());
         }
         let has_line = !matches!(self.stage, Stage::Turn | Stage::Later);
         self.frame = None;

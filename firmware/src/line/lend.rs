@@ -9,7 +9,7 @@ use core::marker::PhantomData;
 use core::ptr::NonNull;
 use core::task::{Context, Poll};
 
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 use multidrop_protocol::server::Access;
 
 use super::{Adu, Line};
@@ -34,7 +34,8 @@ pub unsafe trait Lend {
     ///
     /// # Errors
     /// As `receive`.
-    fn poll_received(&self, context: &mut Context<'_>, key: Key) -> Poll<Result<u8, Flaws>>;
+    fn poll_received(&self, context: &mut Context<'_>, key: Key)
+    -> Poll<Result<u8, ReceiveErrors>>;
 
     /// For [`lend`](Line::lend): the buffer is lent by this.
     fn poll_lent(&self, context: &mut Context<'_>, key: Key) -> Poll<()>;
@@ -93,7 +94,7 @@ impl<L: Line> Drop for Lent<'_, L> {
 /// Its bytes may be changed until it is [released](Frame::release):
 ///
 /// ```compile_fail,E0382
-/// use multidrop_firmware::{Frame, Line};
+/// use multidrop::{Frame, Line};
 ///
 /// async fn answer<L: Line>(mut frame: Frame<'_, L>) {
 ///     let mut answer = frame.release(5);
@@ -111,7 +112,7 @@ impl<'l, L: Line> Frame<'l, L> {
     pub(super) fn poll_received(
         line: &'l L,
         context: &mut Context<'_>,
-    ) -> Poll<Result<Frame<'l, L>, Flaws>> {
+    ) -> Poll<Result<Frame<'l, L>, ReceiveErrors>> {
         line.poll_received(context, Key(()))
             // SAFETY: a line that gives a length has lent its buffer with it.
             .map_ok(|len| Frame(unsafe { Lent::new(line, len) }))

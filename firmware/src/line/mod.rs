@@ -20,8 +20,8 @@ pub use lend::{Frame, Key, Lend, Released};
 pub use multidrop_protocol::Adu;
 use multidrop_protocol::format::{Framing, LineFormat};
 pub use multidrop_protocol::port_registers::InterCharacter;
-use multidrop_protocol::port_registers::{Duplex, Flow, Mode, Settings};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::port_registers::{Duplex, Flow, Mode, PortSettings};
+use multidrop_protocol::rtu::ReceiveErrors;
 
 /// Which part a line has in a transaction: it says when a frame is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,9 +59,9 @@ pub struct LineConfig {
 }
 
 impl LineConfig {
-    /// A server with the [default settings](Settings::DEFAULT).
+    /// A server with the [default settings](PortSettings::DEFAULT).
     pub const DEFAULT: LineConfig =
-        crate::config::line_config(Mode::Slave, &Settings::DEFAULT.line);
+        crate::config::line_config(Mode::Slave, &PortSettings::DEFAULT.line);
 }
 
 /// A [`LineConfig`] that the chip cannot do. The caller's error; the line keeps its settings.
@@ -108,7 +108,7 @@ pub trait Line: Lend + Sized {
     ///
     /// # Cancellation
     /// Safe: the frame stays with the line until the next call.
-    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, Flaws>> {
+    fn receive(&self) -> impl Future<Output = Result<Frame<'_, Self>, ReceiveErrors>> {
         poll_fn(|context| Frame::poll_received(self, context))
     }
 
@@ -117,7 +117,7 @@ pub trait Line: Lend + Sized {
     ///
     /// # Cancellation
     /// Safe.
-    fn quiet(&self) -> impl Future<Output = Flaws>;
+    fn quiet(&self) -> impl Future<Output = ReceiveErrors>;
 
     /// Waits until the buffer is free and the wire silent, or about to be, and lends the buffer to send
     /// from. What is [released](Frame::release) starts at t3.5 after the last character heard, at once
@@ -186,7 +186,7 @@ pub trait Line: Lend + Sized {
     /// [managed port](crate::managed) has heard as a master or sniffer, unit id, function code and data or what was
     /// wrong. By default nobody looks.
     #[inline(always)]
-    fn show(&self, seen: Result<&[u8], Flaws>) {
+    fn show(&self, seen: Result<&[u8], ReceiveErrors>) {
         let _ = seen;
     }
 

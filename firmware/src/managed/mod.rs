@@ -10,9 +10,9 @@
 //! [`managed_run`]; and for other units through a [router](mod@crate::route).
 //!
 //! ```
-//! use multidrop_firmware::protocol::port_registers::{PortRegisters, Refused, Register};
-//! use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
-//! use multidrop_firmware::{Line, ManagedPort, PortConfig};
+//! use multidrop::protocol::port_registers::{PortRegisters, Refused, Register};
+//! use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
+//! use multidrop::{Line, ManagedPort, PortConfig};
 //!
 //! const RS4: PortConfig = PortConfig::new("RS4").baud(38_400).slave_id(17);
 //! type Rs4<L> = ManagedPort<L, PortRegisters<Bank<16>, NoCoils, NoRules>>;
@@ -58,7 +58,7 @@ use crate::line::{Frame, Line, LineConfig, LineError};
 use crate::route::Gateway;
 use crate::shared::Shared;
 use crate::slot::{Slot, Waiter};
-use crate::sniff::Voice;
+use crate::sniff::TextSource;
 
 /// Events that are kept for [`ManagedPort::event`]; the oldest is dropped for one more. A transaction takes some characters'
 /// time at least, and one task starts them.
@@ -94,7 +94,7 @@ pub struct ManagedPort<L: Line + 'static, P, D = Uncounted, const N: usize = 1> 
     /// The oldest first.
     events: [Cell<Option<Outcome>>; EVENTS],
     ended: Waiter,
-    voice: Option<&'static dyn Voice>,
+    text_source: Option<&'static dyn TextSource>,
     router: Option<&'static dyn Gateway>,
 }
 
@@ -163,7 +163,7 @@ where
             done: Slot::new(),
             events: [const { Cell::new(None) }; EVENTS],
             ended: Waiter::new(),
-            voice: None,
+            text_source: None,
             router: None,
         }
     }
@@ -178,9 +178,9 @@ where
     }
 
     /// The same with something to print while it is a sniffer with framing text.
-    pub fn voiced(self, voice: &'static dyn Voice) -> Self {
+    pub fn printing(self, text_source: &'static dyn TextSource) -> Self {
         Self {
-            voice: Some(voice),
+            text_source: Some(text_source),
             ..self
         }
     }

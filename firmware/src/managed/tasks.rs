@@ -11,9 +11,9 @@ use core::task::{Context, Poll, ready};
 
 use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
 use multidrop_protocol::format::Framing;
-use multidrop_protocol::port_registers::{Mode, PortRegisters, Status, Step};
+use multidrop_protocol::port_registers::{Mode, PortRegisters, Status, TransactionStep};
 use multidrop_protocol::registers::{Items, Rules};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 use multidrop_protocol::server::{DataModel, Diagnostics, Plan};
 
 use super::{Failure, ManagedPort, Outcome, Started};
@@ -23,7 +23,7 @@ use crate::line::{Adu, Frame, Line, LineConfig};
 use crate::route::Gateway;
 use crate::serve::conclude;
 use crate::shared::Shared;
-use crate::sniff::Voice;
+use crate::sniff::TextSource;
 
 /// Runs for ever: takes frames from the line and hands them to who they are for in the port's mode.
 ///
@@ -42,8 +42,8 @@ pub async fn managed_receive<L: Line, P, D: Diagnostics, const N: usize>(
             (Mode::Sniffer, Ok(frame)) if L::HAS_NEIGHBOURS && !port.prints() => {
                 port.requests.put(frame)
             }
-            (Mode::Sniffer, Err(flaws)) if L::HAS_NEIGHBOURS && !port.prints() => {
-                port.line.show(Err(flaws))
+            (Mode::Sniffer, Err(errors)) if L::HAS_NEIGHBOURS && !port.prints() => {
+                port.line.show(Err(errors))
             }
             (Mode::Slave, Ok(frame)) => {
                 port.give_up_routed();
@@ -52,7 +52,7 @@ pub async fn managed_receive<L: Line, P, D: Diagnostics, const N: usize>(
                     port.requests.put(frame);
                 }
             }
-            (Mode::Slave, Err(flaws)) => port.server.damaged(flaws),
+            (Mode::Slave, Err(errors)) => port.server.damaged(errors),
             _ => {}
         }
     }
@@ -113,10 +113,12 @@ where
     run!(port, model)
 }
 
-fn seen<'a, L: Line>(heard: &'a Result<Frame<'static, L>, Flaws>) -> Result<&'a [u8], Flaws> {
+fn seen<'a, L: Line>(
+    heard: &'a Result<Frame<'static, L>, ReceiveErrors>,
+) -> Result<&'a [u8], ReceiveErrors> {
     match heard {
         Ok(frame) => Ok(&frame.bytes()[..usize::from(frame.request_len())]),
-        Err(flaws) => Err(*flaws),
+        Err(errors) => Err(*errors),
     }
 }
 
@@ -148,23 +150,25 @@ impl<L: Line, P, D: Diagnostics, const N: usize> ManagedPort<L, P, D, N> {
 
     /// Whether there is something to be sent that nobody on the line has just asked for.
     fn poll_own(&self, context: &mut Context<'_>) -> Poll<()> {
-        match (self.mode.get(), self.voice, self.router) {
-            (Mode::Sniffer, Some(voice), _) if self.prints() => voice.poll_text(context),
+        match (self.mode.get(), self.text_source, self.router) {
+            (Mode::Sniffer, Some(text_source), _) if self.prints() => {
+                text_source.poll_text(context)
+            }
             (Mode::Slave, _, Some(router)) => router.poll_answer(context),
             _ => Poll::Pending,
         }
     }
 
     /// What the port says of itself, if it is a sniffer that prints.
-    fn voice(&self) -> Option<&'static dyn Voice> {
-        self.voice.filter(|_| self.is_sniffer())
+    fn text_source(&self) -> Option<&'static dyn TextSource> {
+        self.text_source.filter(|_| self.is_sniffer())
     }
 
     /// Puts into `adu` what is to be sent unasked: some text, or the answer to a routed request. Gives its length, 0 for nothing.
     #[inline(never)]
     fn say(&self, adu: &mut Adu) -> u8 {
-        match (self.voice(), self.router) {
-            (Some(voice), _) => voice.text(adu),
+        match (self.text_source(), self.router) {
+            (Some(text_source), _) => text_source.text(adu),
             (None, Some(router)) => router.answer(adu),
             (None, None) => 0,
         }
@@ -283,8 +287,8 @@ where
             let is_out = answer.sent().await;
             if is_own {
                 // Whoever talks instead of waiting for an answer has given it up; text is said again.
-                if is_out && let Some(voice) = self.voice() {
-                    voice.spoken(early);
+                if is_out && let Some(text_source) = self.text_source() {
+                    text_source.spoken(early);
                 }
                 return;
             }
@@ -362,7 +366,7 @@ where
 /// A step as the client sends it. What it writes is in the array until it is sent.
 struct Described<'a, R, C, V> {
     registers: &'a Shared<PortRegisters<R, C, V>>,
-    step: &'a Step,
+    step: &'a TransactionStep,
     /// What a single write was sent with; the array may have another value when the echo comes.
     value: Cell<u16>,
 }

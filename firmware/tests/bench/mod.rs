@@ -13,18 +13,18 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Wake, Waker};
 
 use embassy_time::{Duration, MockDriver};
-use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError};
-use multidrop_firmware::protocol::format::Framing;
-use multidrop_firmware::protocol::port_registers::Flow;
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::sniff::Ear;
+use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError};
+use multidrop::protocol::format::Framing;
+use multidrop::protocol::port_registers::Flow;
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::sniff::Observer;
 
 /// Ms from a frame's end to the verdict over it, and that a frame takes on the wire.
 const SETTLES: u64 = 1;
 pub const SENDS: u64 = 5;
 
 /// What is heard: a frame (unit id and PDU), or a damaged one.
-pub type Heard = Result<Vec<u8>, Flaws>;
+pub type Heard = Result<Vec<u8>, ReceiveErrors>;
 
 /// What happened on a line.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,7 +54,7 @@ pub struct Wire {
     /// Ms that it takes to set the line up.
     pub configures: Cell<u64>,
     /// Who looks at the line.
-    pub ear: Cell<Option<&'static dyn Ear>>,
+    pub observer: Cell<Option<&'static dyn Observer>>,
     pub log: RefCell<Vec<Event>>,
     peer: RefCell<Option<Peer>>,
     receiver: RefCell<Vec<Waker>>,
@@ -86,7 +86,7 @@ impl Wire {
             lost: Cell::new(false),
             was_cut: Cell::new(false),
             configures: Cell::new(0),
-            ear: Cell::new(None),
+            observer: Cell::new(None),
             log: RefCell::default(),
             peer: RefCell::default(),
             receiver: RefCell::default(),
@@ -162,11 +162,11 @@ impl Wire {
 
 // SAFETY: what is lent is leaked, and lent once.
 unsafe impl<const HAS_NEIGHBOURS: bool> Lend for TestLine<HAS_NEIGHBOURS> {
-    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, ReceiveErrors>> {
         self.0.receiver.borrow_mut().push(context.waker().clone());
         let bytes = match self.0.come.borrow_mut().pop_front() {
             None => return Poll::Pending,
-            Some(Err(flaws)) => return Poll::Ready(Err(flaws)),
+            Some(Err(errors)) => return Poll::Ready(Err(errors)),
             Some(Ok(bytes)) => bytes,
         };
         let adu = Box::leak(Box::new([0xEE; 256]));
@@ -237,8 +237,8 @@ unsafe impl<const HAS_NEIGHBOURS: bool> Lend for TestLine<HAS_NEIGHBOURS> {
 impl<const HAS_NEIGHBOURS: bool> Line for TestLine<HAS_NEIGHBOURS> {
     const HAS_NEIGHBOURS: bool = HAS_NEIGHBOURS;
 
-    async fn quiet(&self) -> Flaws {
-        Flaws::NONE
+    async fn quiet(&self) -> ReceiveErrors {
+        ReceiveErrors::NONE
     }
 
     fn check(&self, config: &LineConfig) -> Result<(), LineError> {
@@ -274,9 +274,9 @@ impl<const HAS_NEIGHBOURS: bool> Line for TestLine<HAS_NEIGHBOURS> {
 
     fn set_delimiter(&self, _: u8) {}
 
-    fn show(&self, seen: Result<&[u8], Flaws>) {
-        if let Some(ear) = self.0.ear.get() {
-            ear.hear(seen);
+    fn show(&self, seen: Result<&[u8], ReceiveErrors>) {
+        if let Some(observer) = self.0.observer.get() {
+            observer.hear(seen);
         }
     }
 

@@ -9,11 +9,11 @@ mod rich;
 
 use std::collections::BTreeSet;
 
-use multidrop_firmware::conformance::{Conformance, EVENTS};
-use multidrop_firmware::protocol::Adu;
-use multidrop_firmware::protocol::data::{CoilsOut, RegistersOut};
-use multidrop_firmware::protocol::rtu::{Flaws, Reception};
-use multidrop_firmware::protocol::server::{Counted, DataModel, Server};
+use multidrop::conformance::{Conformance, EVENTS};
+use multidrop::protocol::Adu;
+use multidrop::protocol::data::{CoilsOut, RegistersOut};
+use multidrop::protocol::rtu::{ReceiveErrors, Reception};
+use multidrop::protocol::server::{Counted, DataModel, Server};
 
 use plain::requests::{Requests, Step, audit};
 use plain::shrink::minimal;
@@ -65,8 +65,8 @@ impl<M: DataModel> Unit<M> {
         }
         let len = match self.receive(characters) {
             Ok(len) => len,
-            Err(flaws) => {
-                self.server.damaged(flaws);
+            Err(errors) => {
+                self.server.damaged(errors);
                 return None;
             }
         };
@@ -82,22 +82,22 @@ impl<M: DataModel> Unit<M> {
         (answered > 0).then(|| answer.to_vec())
     }
 
-    fn receive(&mut self, characters: &[Character]) -> Result<u8, Flaws> {
+    fn receive(&mut self, characters: &[Character]) -> Result<u8, ReceiveErrors> {
         let mut reception = Reception::new();
         for character in characters {
             reception.add(match character.flaw {
-                Flaw::None => Flaws::NONE,
-                Flaw::Gap => Flaws::GAP,
-                Flaw::Parity => Flaws::PARITY,
-                Flaw::Framing => Flaws::FRAMING,
-                Flaw::Overrun => Flaws::OVERRUN,
+                Flaw::None => ReceiveErrors::NONE,
+                Flaw::Gap => ReceiveErrors::GAP,
+                Flaw::Parity => ReceiveErrors::PARITY,
+                Flaw::Framing => ReceiveErrors::FRAMING,
+                Flaw::Overrun => ReceiveErrors::OVERRUN,
             });
             reception.push(&mut self.adu, character.value);
         }
         let heard = reception.finish();
-        match heard.flaws.is_empty() {
+        match heard.errors.is_empty() {
             true => Ok(heard.len),
-            false => Err(heard.flaws),
+            false => Err(heard.errors),
         }
     }
 

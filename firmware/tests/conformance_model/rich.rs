@@ -1,12 +1,10 @@
 //! The conformance map with what no image has, so that every limit and every exception is reached: the counterpart of
 //! `Plain::with_extras`.
 
-use multidrop_firmware::conformance::Conformance;
-use multidrop_firmware::protocol::data::{BytesOut, Coils, CoilsOut, Registers, RegistersOut};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::server::{
-    ApplicationFunction, Conformity, DataModel, FunctionSet,
-};
+use multidrop::conformance::Conformance;
+use multidrop::protocol::data::{BytesOut, Coils, CoilsOut, Registers, RegistersOut};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::server::{ApplicationFunction, Conformity, DataModel, FunctionSet};
 
 /// The map, and more.
 pub struct Rich(pub Conformance<32>);

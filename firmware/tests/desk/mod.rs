@@ -16,9 +16,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Wake, Waker};
 
 use embassy_time::{Duration, MockDriver};
-use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError};
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::{Client, ClientError, ClientPort, client_receive};
+use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError};
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::{Client, ClientError, ClientPort, client_receive};
 
 /// What comes from the wire.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,7 +28,7 @@ pub enum Heard {
     /// The same, but a late character voids it.
     Void(Vec<u8>),
     /// A damaged one.
-    Damaged(Flaws),
+    Damaged(ReceiveErrors),
     /// Somebody talks for so many ms, and nothing of it is for us.
     Talk(u64),
     /// It begins now and is over so many ms later.
@@ -161,18 +161,18 @@ fn register(place: &RefCell<Option<Waker>>, context: &Context<'_>) {
 
 // SAFETY: what is lent is leaked, and lent once.
 unsafe impl Lend for TestLine {
-    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, ReceiveErrors>> {
         *self.0.receiver.borrow_mut() = Some(context.waker().clone());
         let (bytes, stands) = match self.0.come.borrow_mut().pop_front() {
             None => return Poll::Pending,
-            Some(Heard::Damaged(flaws)) => return Poll::Ready(Err(flaws)),
+            Some(Heard::Damaged(errors)) => return Poll::Ready(Err(errors)),
             Some(Heard::Frame(bytes)) => (bytes, true),
             Some(Heard::Void(bytes)) => (bytes, false),
             Some(Heard::Talk(_) | Heard::Long(..)) => unreachable!("not a frame"),
         };
         if self.0.lent.replace(true) {
             // Nowhere to put it.
-            return Poll::Ready(Err(Flaws::OVERRUN));
+            return Poll::Ready(Err(ReceiveErrors::OVERRUN));
         }
         let adu = Box::leak(Box::new([0xEE; 256]));
         adu[..bytes.len()].copy_from_slice(&bytes);
@@ -242,13 +242,13 @@ unsafe impl Lend for TestLine {
 impl Line for TestLine {
     const HAS_NEIGHBOURS: bool = true;
 
-    fn quiet(&self) -> impl Future<Output = Flaws> {
+    fn quiet(&self) -> impl Future<Output = ReceiveErrors> {
         poll_fn(|context| {
             register(&self.0.user, context);
             let is_heard = self.0.now.get() < self.0.heard_until.get();
             match is_heard || !self.0.come.borrow().is_empty() {
                 true => Poll::Pending,
-                false => Poll::Ready(Flaws::NONE),
+                false => Poll::Ready(ReceiveErrors::NONE),
             }
         })
     }
@@ -263,7 +263,7 @@ impl Line for TestLine {
 
     fn set_delimiter(&self, _: u8) {}
 
-    fn show(&self, seen: Result<&[u8], Flaws>) {
+    fn show(&self, seen: Result<&[u8], ReceiveErrors>) {
         let seen = seen.expect("a good frame").to_vec();
         self.0.shown.borrow_mut().push((self.0.now.get(), seen));
     }

@@ -1,42 +1,42 @@
 //! One request from its first try to its end: what may be asked while an answer is owed, what ends the wait, and what is tried
 //! again.
 //!
-//! [`Debts`] is there once for each line, an [`Asking`] for each request. Neither waits nor has a clock: whoever drives them
-//! says what happened and when, and is told what to do. `multidrop_firmware::client` drives them on a microcontroller.
+//! [`LateAnswers`] is there once for each line, an [`Asking`] for each request. Neither waits nor has a clock: whoever drives them
+//! says what happened and when, and is told what to do. `multidrop::client` drives them on a microcontroller.
 //!
 //! 1. The line is ours and the request written: [`Asking::wait`] says how long it has to wait, and lets others go first.
-//! 2. Its last character is out: [`Asking::sent`], or [`Debts::pause`] if nobody answers it. One that is given up while it goes
-//!    out, and may be whole all the same, is [owed](Debts::owe) too.
-//! 3. What is heard goes to [`Asking::heard`]. At [`Asking::deadline`] that is [`Heard::Nothing`], unless a frame has begun:
+//! 2. Its last character is out: [`Asking::sent`], or [`LateAnswers::pause`] if nobody answers it. One that is given up while it goes
+//!    out, and may be whole all the same, is [owed](LateAnswers::owe) too.
+//! 3. What is heard goes to [`Asking::heard`]. At [`Asking::deadline`] that is [`Event::Nothing`], unless a frame has begun:
 //!    [`Asking::hears_out`].
 //! 4. [`Next`] says how it goes on. A request that is given up at 3 is [`Asking::given_up`].
 //!
 //! ```
-//! use multidrop_protocol::client::{Asking, Debts, Failure, Heard, Moment, Next};
+//! use multidrop_protocol::client::{Asking, LateAnswers, Failure, Event, Moment, Next};
 //!
 //! // In ms.
 //! let at = |now| Moment { now, timeout: 100, guard: 100, gap: 0 };
-//! let mut debts = Debts::new();
+//! let mut late_answers = LateAnswers::new();
 //! let mut first = Asking::new(17, 0);
-//! assert_eq!(first.wait(&mut debts, 3, 0), 0);
-//! first.sent(&mut debts, 3, &at(0));
-//! let next = first.heard(&mut debts, Heard::Nothing, &at(100));
+//! assert_eq!(first.wait(&mut late_answers, 3, 0), 0);
+//! first.sent(&mut late_answers, 3, &at(0));
+//! let next = first.heard(&mut late_answers, Event::Nothing, &at(100));
 //! assert_eq!(next, Next::Failed(Failure::Timeout));
 //!
 //! // The same unit and function: not before the late answer has come, or 100 ms are over.
 //! let second = Asking::new(17, 0);
-//! assert_eq!(second.wait(&mut debts, 3, 110), 90);
-//! assert_eq!(second.wait(&mut debts, 4, 110), 0);
-//! assert!(debts.heard(&[17, 3, 2, 0xBE, 0xEF], &at(115)));
-//! assert_eq!(second.wait(&mut debts, 3, 120), 0);
+//! assert_eq!(second.wait(&mut late_answers, 3, 110), 90);
+//! assert_eq!(second.wait(&mut late_answers, 4, 110), 0);
+//! assert!(late_answers.heard(&[17, 3, 2, 0xBE, 0xEF], &at(115)));
+//! assert_eq!(second.wait(&mut late_answers, 3, 120), 0);
 //! ```
 
-use super::{AnswerError, Debts};
+use super::{AnswerError, LateAnswers};
 use crate::exception::Exception;
 use crate::function::EXCEPTION_BIT;
-use crate::rtu::Flaws;
+use crate::rtu::ReceiveErrors;
 
-/// What time it is, and how long a request waits from now on; in the ticks of [`Debts`].
+/// What time it is, and how long a request waits from now on; in the ticks of [`LateAnswers`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moment {
     /// Now.
@@ -51,11 +51,11 @@ pub struct Moment {
 
 /// What was heard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Heard<'a> {
+pub enum Event<'a> {
     /// A good frame that stands, unit id and PDU, and what [`judge`](super::judge) says of it.
     Frame(&'a [u8], Result<(), AnswerError>),
     /// A damaged one.
-    Damaged(Flaws),
+    Damaged(ReceiveErrors),
     /// The deadline has come, and nothing is being heard.
     Nothing,
 }
@@ -68,7 +68,7 @@ pub enum Failure {
     /// The unit refused, or nothing better was heard than this.
     Answer(AnswerError),
     /// Nothing better was heard than a damaged frame.
-    Damaged(Flaws),
+    Damaged(ReceiveErrors),
 }
 
 /// The unit will answer later.
@@ -125,40 +125,40 @@ impl Asking {
 
     /// How long it has to wait for answers that are owed, in ticks from `now`; 0 if it may go out, with this function code.
     /// For that of its own last try it does not wait: the first answer ends it, and the second is what is owed then.
-    pub fn wait(&self, debts: &mut Debts, function: u8, now: u32) -> u32 {
+    pub fn wait(&self, late_answers: &mut LateAnswers, function: u8, now: u32) -> u32 {
         let own = self.was_sent.then_some(self.owed_until);
-        debts.wait_but_for(self.unit, function, now, own)
+        late_answers.wait_but_for(self.unit, function, now, own)
     }
 
     /// Its last character is out, with this function code: the wait begins.
-    pub fn sent(&mut self, debts: &mut Debts, function: u8, at: &Moment) {
+    pub fn sent(&mut self, late_answers: &mut LateAnswers, function: u8, at: &Moment) {
         self.function = function;
         self.was_sent = true;
         self.is_accepted = false;
         self.end = Failure::Timeout;
-        self.begin(debts, 1, at);
+        self.begin(late_answers, 1, at);
     }
 
     /// A wait begins for the answer, which is owed, as `more` answers than before.
-    fn begin(&mut self, debts: &mut Debts, more: u8, at: &Moment) {
+    fn begin(&mut self, late_answers: &mut LateAnswers, more: u8, at: &Moment) {
         self.is_last = false;
         self.deadline = at.now.wrapping_add(at.timeout);
-        self.owe(debts, more, self.deadline, at);
+        self.owe(late_answers, more, self.deadline, at);
     }
 
     /// The answer is owed until the guard time behind this is over.
     #[inline(never)]
-    fn owe(&mut self, debts: &mut Debts, more: u8, behind: u32, at: &Moment) {
+    fn owe(&mut self, late_answers: &mut LateAnswers, more: u8, behind: u32, at: &Moment) {
         self.owed_until = behind.wrapping_add(at.guard);
-        debts.note(self.unit, self.function, more, self.owed_until, at.now);
+        late_answers.note(self.unit, self.function, more, self.owed_until, at.now);
     }
 
     /// It is given up before its end: nobody asks anything before its answer has come, or its time is over, since both would be on
     /// the bus at once. Behind that the answer is owed as others are.
-    pub fn given_up(&self, debts: &mut Debts, now: u32) {
+    pub fn given_up(&self, late_answers: &mut LateAnswers, now: u32) {
         let left = self.deadline.wrapping_sub(now);
         if left <= u32::MAX / 2 {
-            debts.pause_for((self.unit, self.function), left, now);
+            late_answers.pause_for((self.unit, self.function), left, now);
         }
     }
 
@@ -175,22 +175,22 @@ impl Asking {
 
     /// How it goes on when this was heard.
     #[inline(never)]
-    pub fn heard(&mut self, debts: &mut Debts, heard: Heard<'_>, at: &Moment) -> Next {
+    pub fn heard(&mut self, late_answers: &mut LateAnswers, heard: Event<'_>, at: &Moment) -> Next {
         let failure = match heard {
-            Heard::Frame(frame, judged) => {
+            Event::Frame(frame, judged) => {
                 // If it is not the answer, its own one is still to come.
                 let is_other = judged.is_err_and(|error| !error.is_exception());
                 let is_own = matches!(*frame, [unit, function, ..]
                     if unit == self.unit && function & !EXCEPTION_BIT == self.function);
-                debts.pay(frame, (is_other && is_own).into());
-                debts.pause(at.gap, at.now);
+                late_answers.pay(frame, (is_other && is_own).into());
+                late_answers.pause(at.gap, at.now);
                 match judged {
                     Ok(()) => return Next::Answered,
                     Err(error) => Some(Failure::Answer(error)),
                 }
             }
-            Heard::Damaged(flaws) => Some(Failure::Damaged(flaws)),
-            Heard::Nothing => None,
+            Event::Damaged(errors) => Some(Failure::Damaged(errors)),
+            Event::Nothing => None,
         };
         let mut is_over = self.is_last || failure.is_none();
         match failure {
@@ -199,7 +199,7 @@ impl Asking {
                 self.end = failure;
                 self.is_accepted = true;
                 if !is_over {
-                    self.begin(debts, 0, at);
+                    self.begin(late_answers, 0, at);
                 }
             }
             Some(Failure::Answer(error)) if error.is_exception() => {
@@ -219,7 +219,7 @@ impl Asking {
             return Next::Wait;
         }
         // The answer may come from now on, for the guard time.
-        self.owe(debts, 0, at.now, at);
+        self.owe(late_answers, 0, at.now, at);
         if !self.is_accepted && self.retry() {
             Next::Again
         } else {

@@ -42,7 +42,7 @@ impl ReadFiles<'_> {
     /// # Errors
     ///
     /// [`AnswerError`] if the groups of the answer are not those of the request.
-    pub fn answer<'a>(&self, frame: &'a [u8]) -> Result<Records<'a>, AnswerError> {
+    pub fn answer<'a>(&self, frame: &'a [u8]) -> Result<FileRecords<'a>, AnswerError> {
         let all = counted(frame)?;
         let mut rest = all;
         for group in self.groups {
@@ -58,7 +58,7 @@ impl ReadFiles<'_> {
         if !rest.is_empty() {
             return Err(length(frame));
         }
-        Ok(Records { bytes: all })
+        Ok(FileRecords { bytes: all })
     }
 }
 
@@ -86,11 +86,11 @@ impl Request for ReadFiles<'_> {
 
 /// The groups of an answer to [`ReadFiles`].
 #[derive(Clone, Copy, Debug)]
-pub struct Records<'a> {
+pub struct FileRecords<'a> {
     bytes: &'a [u8],
 }
 
-impl<'a> Iterator for Records<'a> {
+impl<'a> Iterator for FileRecords<'a> {
     type Item = Registers<'a>;
 
     fn next(&mut self) -> Option<Registers<'a>> {

@@ -6,7 +6,7 @@
 //! answer is then read from the frame, without a copy, by the `answer` of the request's type.
 //!
 //! A request says nothing of who is asked: the same may be sent to many units. [`Asking`] is the course of one: what ends
-//! the wait, what is tried again; [`Debts`] are the answers that a line still owes, which must not be taken for others. Both
+//! the wait, what is tried again; [`LateAnswers`] are the answers that a line still owes, which must not be taken for others. Both
 //! are without a clock: time comes in as an argument.
 //!
 //! # Example
@@ -30,24 +30,24 @@
 
 mod asking;
 mod bits;
-mod debts;
 mod diagnostics;
 mod error;
 mod fifo;
 mod files;
 mod identification;
+mod late_answers;
 mod raw;
 mod registers;
 mod status;
 
-pub use asking::{Asking, Failure, Heard, Moment, Next};
+pub use asking::{Asking, Event, Failure, Moment, Next};
 pub use bits::{ReadBits, WriteCoil, WriteCoils, WritePackedCoils};
-pub use debts::Debts;
 pub use diagnostics::{Diagnostic, ReturnQueryData};
 pub use error::{AnswerError, RequestError};
 pub use fifo::ReadFifo;
-pub use files::{FileData, FileRange, ReadFiles, Records, WriteFiles};
+pub use files::{FileData, FileRange, FileRecords, ReadFiles, WriteFiles};
 pub use identification::{Identification, Objects, ReadIdentification};
+pub use late_answers::LateAnswers;
 pub use raw::Raw;
 pub use registers::{MaskWrite, ReadRegisters, ReadWriteRegisters, WriteRegister, WriteRegisters};
 pub use status::{

@@ -17,8 +17,8 @@
 //! - Characters outside a frame put an answer off and do not prevent it; a `:` does, since somebody asks anew.
 
 use super::{Buffer, Interval, LineMachine, Phase, Verdict, Wire};
-use crate::ascii::{DELIMITER, Reception, START, Step, Transmission};
-use crate::rtu::Flaws;
+use crate::ascii::{DELIMITER, Decoded, Reception, START, Transmission};
+use crate::rtu::ReceiveErrors;
 
 /// [`Interval::Fortieth`]s of the second that may pass between two characters (SER 2.5.2.1), behind the first of them.
 const FORTIETHS: u8 = 39;
@@ -58,8 +58,8 @@ impl Ascii {
     }
 
     /// Those of the frame that comes in.
-    pub(super) fn flaws(&self) -> Flaws {
-        self.reception.flaws()
+    pub(super) fn errors(&self) -> ReceiveErrors {
+        self.reception.errors()
     }
 
     fn delimiter(&self) -> u8 {
@@ -84,21 +84,26 @@ impl LineMachine {
     /// A character came on a line that is set up for ASCII, with what the USART found wrong with it. The driver has set the alarm
     /// to [`Interval::Fortieth`] from now.
     #[inline]
-    pub fn on_ascii_character<W: Wire>(&mut self, wire: &mut W, character: u8, flaws: Flaws) {
+    pub fn on_ascii_character<W: Wire>(
+        &mut self,
+        wire: &mut W,
+        character: u8,
+        errors: ReceiveErrors,
+    ) {
         let Some(ascii) = wire.ascii() else { return };
         let step = match self.phase {
             Phase::Leading | Phase::Sending => return,
             Phase::Collecting | Phase::Begun => {
                 ascii.fortieths = FORTIETHS;
                 self.phase = Phase::Collecting;
-                if flaws.is_empty() {
+                if errors.is_empty() {
                     ascii.reception.push(character)
                 } else {
-                    ascii.reception.add(flaws);
-                    Step::More
+                    ascii.reception.add(errors);
+                    Decoded::More
                 }
             }
-            _ if flaws.is_empty() && character == START => Step::Start,
+            _ if errors.is_empty() && character == START => Decoded::Start,
             _ => {
                 self.phase = Phase::Settled;
                 wire.alarm(Interval::T3_5);
@@ -107,26 +112,26 @@ impl LineMachine {
             }
         };
         match step {
-            Step::More if ascii.flaws().is_empty() => {}
-            Step::More => self.tell_silence(wire),
-            Step::Byte { at, byte } => {
+            Decoded::More if ascii.errors().is_empty() => {}
+            Decoded::More => self.tell_silence(wire),
+            Decoded::Byte { at, byte } => {
                 if self.buffer == Buffer::Free {
                     wire.store(at, byte);
                 } else {
                     // The frame before is still being worked on.
-                    ascii.reception.add(Flaws::OVERRUN);
+                    ascii.reception.add(ReceiveErrors::OVERRUN);
                 }
             }
-            Step::Start => self.on_ascii_start(wire),
-            Step::End => self.on_ascii_end(wire),
+            Decoded::Start => self.on_ascii_start(wire),
+            Decoded::End => self.on_ascii_end(wire),
         }
     }
 
     fn on_ascii_start<W: Wire>(&mut self, wire: &mut W) {
         let Some(ascii) = wire.ascii() else { return };
-        let mut damaged = Flaws::NONE;
+        let mut damaged = ReceiveErrors::NONE;
         if self.phase == Phase::Collecting {
-            damaged = ascii.reception.flaws();
+            damaged = ascii.reception.errors();
         }
         ascii.fortieths = FORTIETHS;
         ascii.reception = Reception::new(ascii.delimiter());
@@ -146,13 +151,13 @@ impl LineMachine {
             wire.begin_delay();
         }
         wire.alarm(Interval::T3_5);
-        if heard.flaws.is_empty() {
+        if heard.errors.is_empty() {
             self.len = heard.len;
             self.buffer = Buffer::Full;
             self.verdict = Verdict::Stands;
             wire.wake_receiver();
         } else {
-            self.tell(wire, heard.flaws);
+            self.tell(wire, heard.errors);
         }
     }
 
@@ -160,8 +165,8 @@ impl LineMachine {
     pub(super) fn on_ascii_alarm<W: Wire>(&mut self, wire: &mut W) {
         let Some(ascii) = wire.ascii() else { return };
         if self.phase == Phase::Begun {
-            let flaws = ascii.reception.flaws() | Flaws::GAP;
-            self.tell(wire, flaws);
+            let errors = ascii.reception.errors() | ReceiveErrors::GAP;
+            self.tell(wire, errors);
             return self.on_free(wire);
         }
         let rest = match ascii.fortieths.checked_sub(1) {
@@ -187,7 +192,7 @@ mod tests {
     fn a_delimiter_has_as_many_bits_as_a_character() {
         for (data_bits, delimiter) in [(7, 0x23), (8, 0xA3)] {
             let mut ascii = Ascii::default();
-            assert!(ascii.flaws().is_empty());
+            assert!(ascii.errors().is_empty());
             ascii.set_data_bits(data_bits);
             ascii.set_delimiter(0xA3);
             assert_eq!(ascii.prepare(2), b':');

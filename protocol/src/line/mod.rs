@@ -31,7 +31,7 @@ mod wire;
 pub use ascii::Ascii;
 pub use wire::{Interval, Wire};
 
-use crate::rtu::{Flaws, Transmission};
+use crate::rtu::{ReceiveErrors, Transmission};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -87,12 +87,12 @@ pub struct LineMachine {
     buffer: Buffer,
     /// Of the frame until it is fetched; then of the answer that starts at t3.5, 0 for none.
     len: u8,
-    /// Flaws of the frame on the wire.
-    flaws: Flaws,
-    /// Flaws of the damaged frames not yet fetched, and how many these are.
-    damaged: Flaws,
+    /// ReceiveErrors of the frame on the wire.
+    errors: ReceiveErrors,
+    /// ReceiveErrors of the damaged frames not yet fetched, and how many these are.
+    damaged: ReceiveErrors,
     damaged_count: u8,
-    /// The first byte of the answer, taken from `transmission` ahead of time; or, with [`Flaws::KEPT`], of the frame on the
+    /// The first byte of the answer, taken from `transmission` ahead of time; or, with [`ReceiveErrors::KEPT`], of the frame on the
     /// wire.
     first: u8,
     /// A future waits for the verdict or for silence; nobody else needs to be woken at t3.5.
@@ -108,8 +108,8 @@ impl LineMachine {
             verdict: Verdict::None,
             buffer: Buffer::Free,
             len: 0,
-            flaws: Flaws::NONE,
-            damaged: Flaws::NONE,
+            errors: ReceiveErrors::NONE,
+            damaged: ReceiveErrors::NONE,
             damaged_count: 0,
             first: 0,
             silence_awaited: false,
@@ -120,7 +120,7 @@ impl LineMachine {
     /// Begins to listen, at start or with new settings: to nothing before t3.5 of silence, since a frame may be half over. A
     /// frame that was pending is void, and one that stands is no longer answered.
     pub fn reset<W: Wire>(&mut self, wire: &mut W) {
-        self.flaws = Flaws::NONE;
+        self.errors = ReceiveErrors::NONE;
         self.void(wire);
         // Who asked may not be on the line any more.
         self.withhold(wire);
@@ -142,7 +142,7 @@ impl LineMachine {
     /// [`on_character`](LineMachine::on_character).
     #[inline(always)]
     pub fn is_collecting(&self) -> bool {
-        self.phase == Phase::Collecting && self.flaws.is_empty()
+        self.phase == Phase::Collecting && self.errors.is_empty()
     }
 
     /// A character came, with what the USART found wrong with it; `full` if the buffer has no room for it. The driver has set
@@ -151,30 +151,35 @@ impl LineMachine {
     /// Returns a byte that is to be stored. Where that was not [taken](Wire::take), it is the character before: the one that
     /// came is in the USART still, and the driver comes here with it once more.
     #[inline]
-    pub fn on_character<W: Wire>(&mut self, wire: &mut W, flaws: Flaws, full: bool) -> Option<u8> {
+    pub fn on_character<W: Wire>(
+        &mut self,
+        wire: &mut W,
+        errors: ReceiveErrors,
+        full: bool,
+    ) -> Option<u8> {
         match self.phase {
             Phase::Collecting | Phase::Begun => {
-                if self.flaws == Flaws::KEPT {
-                    self.flaws = Flaws::NONE;
+                if self.errors == ReceiveErrors::KEPT {
+                    self.errors = ReceiveErrors::NONE;
                     if self.buffer == Buffer::Free {
                         self.phase = Phase::Collecting;
                         return Some(self.first);
                     }
                     // The frame before is still being worked on.
-                    self.flaws = Flaws::OVERRUN;
+                    self.errors = ReceiveErrors::OVERRUN;
                 } else if full {
-                    self.flaws |= Flaws::LENGTH;
+                    self.errors |= ReceiveErrors::LENGTH;
                 }
             }
             Phase::Complete | Phase::CompleteBegun => {
                 // Between t1.5 and t3.5: what was complete is void, and this belongs to it.
-                self.flaws |= Flaws::GAP;
+                self.errors |= ReceiveErrors::GAP;
                 self.void(wire);
             }
             Phase::Settled | Phase::Silent | Phase::Sent => {
                 wire.restart();
                 self.withhold(wire);
-                self.flaws = Flaws::NONE;
+                self.errors = ReceiveErrors::NONE;
                 wire.alarm_on();
             }
             Phase::Leading | Phase::Sending => {
@@ -184,17 +189,17 @@ impl LineMachine {
             }
         }
         self.phase = Phase::Collecting;
-        self.flaws |= flaws;
+        self.errors |= errors;
         let byte = wire.take();
-        // Only a frame without flaws is stored: one that is damaged may come while the buffer is lent.
-        if !self.flaws.is_empty() {
+        // Only a frame without errors is stored: one that is damaged may come while the buffer is lent.
+        if !self.errors.is_empty() {
             self.tell_silence(wire);
             return None;
         }
         if self.buffer != Buffer::Free {
             // Nothing is to be sent any more, so there is room for one here.
             self.first = byte;
-            self.flaws = Flaws::KEPT;
+            self.errors = ReceiveErrors::KEPT;
             return None;
         }
         Some(byte)
@@ -204,7 +209,7 @@ impl LineMachine {
     /// [`on_character`](LineMachine::on_character).
     #[inline(always)]
     pub fn on_too_long<W: Wire>(&mut self, wire: &mut W) {
-        self.flaws |= Flaws::LENGTH;
+        self.errors |= ReceiveErrors::LENGTH;
         self.tell_silence(wire);
     }
 
@@ -247,10 +252,10 @@ impl LineMachine {
             return self.await_character(wire);
         }
         self.phase = Phase::Complete;
-        if self.flaws.is_empty() {
+        if self.errors.is_empty() {
             let heard = wire.finish();
-            self.flaws = heard.flaws;
-            if heard.flaws.is_empty() {
+            self.errors = heard.errors;
+            if heard.errors.is_empty() {
                 self.len = heard.len;
                 self.buffer = Buffer::Full;
                 self.verdict = Verdict::Pending;
@@ -277,9 +282,9 @@ impl LineMachine {
         if self.verdict == Verdict::Pending {
             self.verdict = Verdict::Stands;
         }
-        if !self.flaws.is_empty() {
-            let flaws = core::mem::take(&mut self.flaws);
-            self.tell(wire, flaws);
+        if !self.errors.is_empty() {
+            let errors = core::mem::take(&mut self.errors);
+            self.tell(wire, errors);
         }
         if W::HAS_DELAYS {
             wire.begin_delay();
@@ -300,8 +305,8 @@ impl LineMachine {
 
     /// A damaged frame is over.
     #[inline(always)]
-    fn tell<W: Wire>(&mut self, wire: &mut W, flaws: Flaws) {
-        self.damaged |= flaws;
+    fn tell<W: Wire>(&mut self, wire: &mut W, errors: ReceiveErrors) {
+        self.damaged |= errors;
         self.damaged_count = self.damaged_count.saturating_add(1);
         wire.wake_receiver();
     }
@@ -478,19 +483,19 @@ impl LineMachine {
         wire.wake_user();
     }
 
-    /// A good frame, which is lent by this, as its length without check bytes; or a damaged one, as its flaws.
+    /// A good frame, which is lent by this, as its length without check bytes; or a damaged one, as its errors.
     ///
-    /// Each damaged frame is told once, up to 255 that wait to be fetched; where several do, each with the flaws of all. They
+    /// Each damaged frame is told once, up to 255 that wait to be fetched; where several do, each with the errors of all. They
     /// come first: whoever answers the good frame may be asked how many there were.
     #[inline]
-    pub fn fetch(&mut self) -> Option<Result<u8, Flaws>> {
+    pub fn fetch(&mut self) -> Option<Result<u8, ReceiveErrors>> {
         if self.damaged_count > 0 {
             self.damaged_count -= 1;
-            let flaws = Flaws::from_bits(self.damaged.bits());
+            let errors = ReceiveErrors::from_bits(self.damaged.bits());
             if self.damaged_count == 0 {
-                self.damaged = Flaws::NONE;
+                self.damaged = ReceiveErrors::NONE;
             }
-            return Some(Err(flaws));
+            return Some(Err(errors));
         }
         if self.buffer == Buffer::Full {
             self.buffer = Buffer::Lent;
@@ -523,16 +528,16 @@ impl LineMachine {
         Some(self.verdict != Verdict::Void)
     }
 
-    /// Whether no frame is coming in that may be a good one, nor waits to be [fetched](LineMachine::fetch): then the flaws of what is
+    /// Whether no frame is coming in that may be a good one, nor waits to be [fetched](LineMachine::fetch): then the errors of what is
     /// coming in, none if nothing is. `None` while there is such a frame; [`Wire::wake_user`] is called when that ends.
     #[inline]
-    pub fn quiet<W: Wire>(&mut self, wire: &mut W) -> Option<Flaws> {
-        let flaws = match self.phase {
+    pub fn quiet<W: Wire>(&mut self, wire: &mut W) -> Option<ReceiveErrors> {
+        let errors = match self.phase {
             Phase::Collecting | Phase::Begun | Phase::Complete | Phase::CompleteBegun => {
                 match wire.ascii() {
-                    Some(ascii) => ascii.flaws(),
-                    None if self.flaws == Flaws::KEPT => Flaws::NONE,
-                    None => self.flaws,
+                    Some(ascii) => ascii.errors(),
+                    None if self.errors == ReceiveErrors::KEPT => ReceiveErrors::NONE,
+                    None => self.errors,
                 }
             }
             // A character that has begun is there before t3.5 is over.
@@ -541,16 +546,18 @@ impl LineMachine {
                 self.phase = Phase::Sent;
                 wire.alarm(Interval::T3_5);
                 wire.alarm_on();
-                Flaws::NONE
+                ReceiveErrors::NONE
             }
-            Phase::Settled | Phase::Silent if self.is_fetched() => return Some(Flaws::NONE),
-            _ => Flaws::NONE,
+            Phase::Settled | Phase::Silent if self.is_fetched() => {
+                return Some(ReceiveErrors::NONE);
+            }
+            _ => ReceiveErrors::NONE,
         };
-        if flaws.is_empty() {
+        if errors.is_empty() {
             self.silence_awaited = true;
             None
         } else {
-            Some(flaws)
+            Some(errors)
         }
     }
 

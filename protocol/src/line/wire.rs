@@ -2,7 +2,7 @@
 
 use super::Ascii;
 use crate::Adu;
-use crate::rtu::Heard;
+use crate::rtu::Received;
 
 /// An interval that the machine asks an alarm for. How many ticks it has depends on the line's settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub trait Wire {
     /// The RTU frame coming in starts anew.
     fn restart(&mut self);
     /// The RTU frame that has come in.
-    fn finish(&mut self) -> Heard;
+    fn finish(&mut self) -> Received;
     /// The buffer.
     fn adu(&self) -> &Adu;
     /// Receiver off, DE up, first character out.

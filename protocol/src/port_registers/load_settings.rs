@@ -1,14 +1,14 @@
 //! Loading and reading the registers that are settings of the port: the same code for all ports of an image.
 
 use super::settings::InterCharacter;
-use super::{Duplex, Flow, LineSettings, Mode, Reason, Register, Settings};
+use super::{Duplex, Flow, LineSettings, Mode, PortSettings, Reason, Register};
 use crate::UNIT_MAX;
 use crate::format::{Framing, LineFormat};
 
 /// The range of a register that takes any word.
 pub(super) const WORD: (u32, u32) = (0, 65_535);
 
-impl Settings {
+impl PortSettings {
     /// Loads a register that is a setting; `line` says whether the chip can do what concerns the line.
     ///
     /// # Errors
@@ -55,7 +55,7 @@ impl Settings {
                 return Ok(());
             }
             Register::Baud => {
-                let (low, high) = Settings::BAUD;
+                let (low, high) = PortSettings::BAUD;
                 new.baud = within(value, low, high)?;
             }
             Register::Framing => {
@@ -105,13 +105,13 @@ impl Settings {
     fn word_mut(&mut self, register: Register) -> Option<(&mut u16, (u32, u32))> {
         let line = &mut self.line;
         Some(match register {
-            Register::Timeout => (&mut self.timeout_ms, Settings::TIMEOUT),
+            Register::Timeout => (&mut self.timeout_ms, PortSettings::TIMEOUT),
             Register::Turnaround => (&mut self.turnaround_ms, WORD),
             Register::LateGuard => (&mut self.late_guard_ms, WORD),
             Register::RequestGap => (&mut self.request_gap_ms, WORD),
-            Register::CtsTimeout => (&mut line.cts_timeout_ms, Settings::CTS_TIMEOUT),
-            Register::DeLead => (&mut line.de_lead_us, Settings::DE_LEAD),
-            Register::ResponseDelay => (&mut line.response_delay_ms, Settings::RESPONSE_DELAY),
+            Register::CtsTimeout => (&mut line.cts_timeout_ms, PortSettings::CTS_TIMEOUT),
+            Register::DeLead => (&mut line.de_lead_us, PortSettings::DE_LEAD),
+            Register::ResponseDelay => (&mut line.response_delay_ms, PortSettings::RESPONSE_DELAY),
             _ => return None,
         })
     }

@@ -2,14 +2,14 @@
 //!
 //! [`PortRegisters`] holds all of it and decides what each register takes; it neither waits nor sends. As a slave it is a
 //! [`DataModel`](crate::server::DataModel): REGS and COILS under the port's rules. As a master it says what the registers
-//! describe, [`Transaction`] by [`Step`]. `multidrop_firmware::managed` is the port around it.
+//! describe, [`Transaction`] by [`TransactionStep`]. `multidrop::managed` is the port around it.
 //!
 //! ```
-//! use multidrop_protocol::port_registers::{PortRegisters, Register, Settings};
+//! use multidrop_protocol::port_registers::{PortRegisters, Register, PortSettings};
 //! use multidrop_protocol::registers::{Bank, NoCoils, NoRules};
 //!
 //! let mut rs4: PortRegisters<_, _, NoRules> =
-//!     PortRegisters::new(Settings::DEFAULT, Bank::<16>::new(0), NoCoils);
+//!     PortRegisters::new(PortSettings::DEFAULT, Bank::<16>::new(0), NoCoils);
 //! rs4.load(Register::SlaveId, 17).unwrap();
 //! let refused = rs4.load(Register::SlaveId, 248).unwrap_err();
 //! assert_eq!(refused.to_string(), "SLAVEID is 248, must be 1..=247");
@@ -26,8 +26,8 @@ mod transaction;
 
 pub use refused::{Reason, Refused};
 pub use register::Register;
-pub use settings::{Duplex, Flow, InterCharacter, LineSettings, Mode, Settings, Status};
-pub use transaction::{Step, Transaction};
+pub use settings::{Duplex, Flow, InterCharacter, LineSettings, Mode, PortSettings, Status};
+pub use transaction::{Transaction, TransactionStep};
 
 use core::marker::PhantomData;
 
@@ -54,7 +54,7 @@ pub enum Change {
 /// i of dense COILS is the item at BASE + COILOFF + i, element COILOFF + i of sparse ones is where the table says.
 #[derive(Debug)]
 pub struct PortRegisters<R, C, V> {
-    settings: Settings,
+    settings: PortSettings,
     regs: R,
     coils: C,
     function: u8,
@@ -82,7 +82,7 @@ where
     /// # Panics
     ///
     /// If the last item of an array would be behind address 65535.
-    pub fn new(settings: Settings, mut regs: R, mut coils: C) -> PortRegisters<R, C, V> {
+    pub fn new(settings: PortSettings, mut regs: R, mut coils: C) -> PortRegisters<R, C, V> {
         assert!(
             regs.rebase(settings.base) && coils.rebase(settings.base),
             "array runs past address 65535"
@@ -107,7 +107,7 @@ where
     }
 
     /// The settings as they were last loaded.
-    pub const fn settings(&self) -> &Settings {
+    pub const fn settings(&self) -> &PortSettings {
         &self.settings
     }
 

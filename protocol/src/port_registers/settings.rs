@@ -79,7 +79,7 @@ pub struct LineSettings {
 
 /// The settings of a port that registers begin with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct PortSettings {
     /// MODE.
     pub mode: Mode,
     /// BASE.
@@ -107,7 +107,7 @@ impl Mode {
     }
 }
 
-impl Settings {
+impl PortSettings {
     /// BAUD, both ends included. What the clock makes of it is the board's business.
     pub const BAUD: (u32, u32) = (300, 10_000_000);
     /// TIMEOUT in ms.
@@ -121,7 +121,7 @@ impl Settings {
 
     /// A slave with id 1 at 19200 baud 8E1, the standard's default (SER 2.5.1); as a master a timeout of one second, no
     /// retries, and 100 ms after a broadcast (SER 2.4.1).
-    pub const DEFAULT: Settings = Settings {
+    pub const DEFAULT: PortSettings = PortSettings {
         mode: Mode::Slave,
         base: 0,
         slave_id: 1,

@@ -12,7 +12,7 @@ use crate::function::{
 use crate::registers::Rules;
 use crate::registers::items::{Items, Run, run};
 
-/// A transaction as the registers described it when it was started, to be carried out [`Step`] by step.
+/// A transaction as the registers described it when it was started, to be carried out [`TransactionStep`] by step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Transaction {
     function: u8,
@@ -33,7 +33,7 @@ impl Transaction {
 
 /// One request: items at addresses that follow each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Step {
+pub struct TransactionStep {
     /// The slave, 0..=247.
     pub unit: u8,
     /// Address of the first item.
@@ -71,7 +71,7 @@ where
 
     /// The next request of a transaction, `None` after the last. Items that are not consecutive in address take more than one,
     /// as few as there can be, in order.
-    pub fn next_step(&self, transaction: &mut Transaction) -> Option<Step> {
+    pub fn next_step(&self, transaction: &mut Transaction) -> Option<TransactionStep> {
         let Transaction {
             function,
             mut unit,
@@ -101,7 +101,7 @@ where
         };
         transaction.left -= found.count;
         transaction.offset = offset.saturating_add(found.count);
-        Some(Step {
+        Some(TransactionStep {
             unit,
             first: found.first,
             count: found.count,
@@ -115,7 +115,11 @@ where
     /// # Errors
     ///
     /// [`RequestError::Broadcast`] for a read from slave id 0.
-    pub fn encode(&self, step: &Step, draft: &mut Draft<'_>) -> Result<u16, RequestError> {
+    pub fn encode(
+        &self,
+        step: &TransactionStep,
+        draft: &mut Draft<'_>,
+    ) -> Result<u16, RequestError> {
         let items = step.indices();
         match step.function {
             READ_COILS if !C::NONE => ReadBits::coils(step.first, step.count).encode(draft)?,
@@ -184,7 +188,7 @@ where
     /// # Errors
     ///
     /// [`AnswerError::Length`] or [`AnswerError::Content`].
-    pub fn check(step: &Step, value: u16, frame: &[u8]) -> Result<(), AnswerError> {
+    pub fn check(step: &TransactionStep, value: u16, frame: &[u8]) -> Result<(), AnswerError> {
         match step.function {
             READ_COILS | READ_DISCRETE_INPUTS if !C::NONE => {
                 ReadBits::coils(step.first, step.count).check(frame)
@@ -199,7 +203,7 @@ where
     }
 
     /// Puts what an answer that was [checked](Self::check) has into the arrays.
-    pub fn store(&mut self, step: &Step, frame: &[u8]) {
+    pub fn store(&mut self, step: &TransactionStep, frame: &[u8]) {
         let data = frame.get(3..).unwrap_or(&[]);
         match step.function {
             READ_COILS | READ_DISCRETE_INPUTS if !C::NONE => {
@@ -219,7 +223,7 @@ where
     }
 }
 
-impl Step {
+impl TransactionStep {
     /// Where its items are in the array, which has all of them.
     fn indices(&self) -> impl Iterator<Item = u16> + use<> {
         let index = self.index;

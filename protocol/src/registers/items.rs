@@ -41,7 +41,7 @@ pub trait Items {
     fn rebase(&mut self, base: u16) -> bool;
 
     /// Of a scan list: what is at this place in it, `None` behind the last and in all other arrays.
-    fn entry(&self, place: u16) -> Option<Entry> {
+    fn entry(&self, place: u16) -> Option<ScanEntry> {
         let _ = place;
         None
     }
@@ -52,7 +52,7 @@ pub trait Items {
 
 /// What a scan list says of one transaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Entry {
+pub struct ScanEntry {
     /// The slave, 0..=247.
     pub unit: u8,
     /// The index of the item, its register offset.

@@ -22,7 +22,7 @@ mod sparse;
 
 pub use bank::Bank;
 pub use coil_bank::CoilBank;
-pub use items::{Entry, Items, NoCoils, Run};
+pub use items::{Items, NoCoils, Run, ScanEntry};
 #[doc(hidden)]
 pub use rules::Block;
 pub use rules::{NoRules, RuleList, Rules, Span};

@@ -1,6 +1,6 @@
 //! The array of four rows: addresses, data, slave ids, register offsets.
 
-use super::items::{Entry, Items};
+use super::items::{Items, ScanEntry};
 use crate::UNIT_MAX;
 use crate::message::Message;
 
@@ -11,11 +11,11 @@ use crate::message::Message;
 /// slaves.
 ///
 /// ```
-/// use multidrop_protocol::registers::{Entry, Items, ScanList};
+/// use multidrop_protocol::registers::{ScanEntry, Items, ScanList};
 ///
 /// /// Registers 4 and 1000 of slave 1, and 4 of slave 2.
 /// const LIST: ScanList<3> = ScanList::new([4, 1000, 4], [1, 1, 2]);
-/// assert_eq!(LIST.entry(2), Some(Entry { unit: 2, index: 2 }));
+/// assert_eq!(LIST.entry(2), Some(ScanEntry { unit: 2, index: 2 }));
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ScanList<const N: usize> {
@@ -134,9 +134,9 @@ impl<const N: usize> Items for ScanList<N> {
         true
     }
 
-    fn entry(&self, place: u16) -> Option<Entry> {
+    fn entry(&self, place: u16) -> Option<ScanEntry> {
         let place = usize::from(place);
-        Some(Entry {
+        Some(ScanEntry {
             unit: *self.units.get(place)?,
             index: *self.offsets.get(place)?,
         })

@@ -9,7 +9,7 @@ use crate::exception::Exception;
 use crate::function::{
     DIAGNOSTICS, EVENTS_MAX, EXCEPTION_BIT, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG,
 };
-use crate::rtu::Flaws;
+use crate::rtu::ReceiveErrors;
 use crate::{Adu, BROADCAST};
 
 /// The sub-functions of Diagnostics (APP 6.8.1).
@@ -311,12 +311,12 @@ impl<const LOG: usize> Diagnostics for Counted<LOG> {
         self.count(Counter::BusMessage);
     }
 
-    fn damaged(&self, flaws: Flaws) {
+    fn damaged(&self, errors: ReceiveErrors) {
         self.count(Counter::BusError);
-        if flaws.contains(Flaws::OVERRUN) {
+        if errors.contains(ReceiveErrors::OVERRUN) {
             self.count(Counter::Overrun);
         }
-        self.log(event_log::damaged(flaws));
+        self.log(event_log::damaged(errors));
     }
 
     fn delimiter(&self) -> u8 {

@@ -3,7 +3,7 @@
 use super::Plan;
 use crate::Adu;
 use crate::exception::Exception;
-use crate::rtu::Flaws;
+use crate::rtu::ReceiveErrors;
 
 /// Whether a server counts what happens on its line: [`Uncounted`] or [`Counted`](super::Counted).
 ///
@@ -35,7 +35,7 @@ pub trait Diagnostics {
     fn overheard(&self);
 
     /// A damaged frame, whoever it was for.
-    fn damaged(&self, flaws: Flaws);
+    fn damaged(&self, errors: ReceiveErrors);
 
     /// The character that ends an ASCII frame behind CR.
     fn delimiter(&self) -> u8;
@@ -71,7 +71,7 @@ impl Diagnostics for Uncounted {
     fn overheard(&self) {}
 
     #[inline(always)]
-    fn damaged(&self, _: Flaws) {}
+    fn damaged(&self, _: ReceiveErrors) {}
 
     #[inline(always)]
     fn delimiter(&self) -> u8 {

@@ -3,7 +3,7 @@
 use core::cell::Cell;
 
 use crate::exception::Exception;
-use crate::rtu::Flaws;
+use crate::rtu::ReceiveErrors;
 
 /// A receive event.
 pub(super) const RECEIVE: u8 = 0x80;
@@ -19,10 +19,10 @@ pub(super) const ENTERED_LISTEN_ONLY: u8 = 0x04;
 pub(super) const RESTARTED: u8 = 0x00;
 
 /// A receive event of a damaged frame.
-pub(super) fn damaged(flaws: Flaws) -> u8 {
+pub(super) fn damaged(errors: ReceiveErrors) -> u8 {
     const COMMUNICATION_ERROR: u8 = 0x02;
     const CHARACTER_OVERRUN: u8 = 0x10;
-    let overrun = if flaws.contains(Flaws::OVERRUN) {
+    let overrun = if errors.contains(ReceiveErrors::OVERRUN) {
         CHARACTER_OVERRUN
     } else {
         0

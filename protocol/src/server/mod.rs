@@ -204,8 +204,8 @@ impl<D: Diagnostics> Server<D> {
 
     /// A damaged frame was heard, whoever it was for. Once for each.
     #[inline]
-    pub fn damaged(&self, flaws: crate::rtu::Flaws) {
-        self.diagnostics.damaged(flaws);
+    pub fn damaged(&self, errors: crate::rtu::ReceiveErrors) {
+        self.diagnostics.damaged(errors);
     }
 
     /// The character that ends an ASCII frame behind CR, after an answer is sent: FC 08 may have changed it.

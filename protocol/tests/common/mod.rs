@@ -170,7 +170,7 @@ pub fn ask_on_line(tables: &mut Tables, adu: &[u8]) -> Option<Vec<u8>> {
         reception.push(&mut frame, byte);
     }
     let heard = reception.finish();
-    if !heard.flaws.is_empty() {
+    if !heard.errors.is_empty() {
         return None;
     }
     let plan = server.prepare(tables, &mut frame, heard.len);

@@ -3,7 +3,7 @@
 
 use multidrop_protocol::Adu;
 use multidrop_protocol::line::{Ascii, Interval, LineMachine, Wire};
-use multidrop_protocol::rtu::{Flaws, Heard, Reception};
+use multidrop_protocol::rtu::{ReceiveErrors, Received, Reception};
 
 /// What the machine has had a driver do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +79,7 @@ impl Wire for Driver {
     fn restart(&mut self) {
         self.reception = Reception::new();
     }
-    fn finish(&mut self) -> Heard {
+    fn finish(&mut self) -> Received {
         self.reception.finish()
     }
     fn adu(&self) -> &Adu {
@@ -189,14 +189,14 @@ impl Line {
         self.did()
     }
 
-    pub fn hear(&mut self, byte: u8, flaws: Flaws) {
+    pub fn hear(&mut self, byte: u8, errors: ReceiveErrors) {
         self.driver.incoming = byte;
-        let mut stored = self.machine.on_character(&mut self.driver, flaws, false);
+        let mut stored = self.machine.on_character(&mut self.driver, errors, false);
         while let Some(byte) = stored.take() {
             let Driver { reception, adu, .. } = &mut self.driver;
             reception.push(adu, byte);
             if byte != self.driver.incoming {
-                stored = self.machine.on_character(&mut self.driver, flaws, false);
+                stored = self.machine.on_character(&mut self.driver, errors, false);
             }
         }
     }
@@ -204,7 +204,7 @@ impl Line {
     /// A good frame comes and stands; t3.5 is near.
     pub fn hear_request(&mut self) {
         for byte in REQUEST {
-            self.hear(byte, Flaws::NONE);
+            self.hear(byte, ReceiveErrors::NONE);
         }
         self.alarm();
         assert_eq!(self.machine.fetch(), Some(Ok(2)));

@@ -5,7 +5,7 @@ use super::bus::{Bus, Char, SECOND, Settings, Talk};
 use super::judge::{Circumstances, Verdict};
 use super::script::{self, Config, Lab, Op};
 use super::unit::{Event, Unit};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 /// The frame of a unit id and a PDU, as text.
 pub fn framed(body: &[u8]) -> Vec<u8> {
@@ -75,7 +75,7 @@ pub fn read(settings: &Settings, chars: &[Char], talks: &[Talk], until: u64) -> 
         if let Some(frame) = open.take_if(|frame| char.start >= frame.end + longest) {
             heard.push(frame.damaged(index - 1));
         }
-        let good = char.flaws.is_empty();
+        let good = char.errors.is_empty();
         let Some(frame) = &mut open else {
             if good && char.byte == b':' {
                 open = Some(Open::at(index, char, settings));
@@ -244,7 +244,7 @@ fn due(bus: &Bus, frame: &Heard) -> Option<u64> {
     loop {
         match chars.get(next) {
             Some(char) if char.start + received <= at => {
-                if char.byte == b':' && char.flaws.is_empty() {
+                if char.byte == b':' && char.errors.is_empty() {
                     return None;
                 }
                 from = char.start + received + half_stop;
@@ -325,7 +325,7 @@ fn judge_answer(
         let over = char.start + settings.character;
         assert!(talk.start >= over + settings.t3_5, "no silence before");
         assert!(
-            char.byte != b':' || !char.flaws.is_empty(),
+            char.byte != b':' || !char.errors.is_empty(),
             "answered after somebody has asked anew"
         );
     }
@@ -335,8 +335,12 @@ fn judge_answer(
     verdict.latest = verdict.latest.max(talk.start - end - settings.t3_5);
 }
 
-/// A character without flaws.
+/// A character without errors.
 pub fn plain(start: u64, byte: u8) -> Char {
-    let flaws = Flaws::NONE;
-    Char { start, byte, flaws }
+    let errors = ReceiveErrors::NONE;
+    Char {
+        start,
+        byte,
+        errors,
+    }
 }

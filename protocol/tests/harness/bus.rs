@@ -6,7 +6,7 @@
 
 use multidrop_protocol::Adu;
 use multidrop_protocol::line::{Ascii, Interval, LineMachine, Wire};
-use multidrop_protocol::rtu::{Flaws, Heard, Reception};
+use multidrop_protocol::rtu::{ReceiveErrors, Received, Reception};
 
 /// The timer has 16 bits.
 const TIMER_ROUND: u64 = 1 << 16;
@@ -84,7 +84,7 @@ pub struct Char {
     /// Where its start bit begins.
     pub start: u64,
     pub byte: u8,
-    pub flaws: Flaws,
+    pub errors: ReceiveErrors,
 }
 
 /// What the unit has sent in one piece.
@@ -217,7 +217,7 @@ impl Bus {
     }
 
     /// A good frame is lent by this, as with [`LineMachine::fetch`].
-    pub fn fetch(&mut self) -> Option<Result<u8, Flaws>> {
+    pub fn fetch(&mut self) -> Option<Result<u8, ReceiveErrors>> {
         let fetched = self.machine.fetch();
         if let Some(Ok(len)) = fetched {
             assert_eq!(self.chip.lent, None, "lent twice");
@@ -316,7 +316,11 @@ impl Bus {
         chip.note_edges();
         let index = chip.next;
         chip.next += 1;
-        let Char { start, byte, flaws } = chip.chars[index];
+        let Char {
+            start,
+            byte,
+            errors,
+        } = chip.chars[index];
         let talk = chip.talks.last();
         if chip.sending.is_some() || talk.is_some_and(|talk| start < talk.end) {
             // The receiver was off for all or a part of it.
@@ -325,7 +329,7 @@ impl Bus {
         if chip.ascii.is_some() {
             chip.set_compare(chip.now + chip.settings.half_stop() + FORTIETH);
             chip.clear_start_bit();
-            return self.machine.on_ascii_character(chip, byte, flaws);
+            return self.machine.on_ascii_character(chip, byte, errors);
         }
         let silence = chip.settings.complete() + chip.settings.blind();
         chip.set_compare(chip.now + chip.settings.half_stop() + silence);
@@ -333,12 +337,12 @@ impl Bus {
         chip.waiting = Some(byte);
         while let Some(byte) = chip.waiting {
             let full = chip.stored == 256;
-            let plain = self.machine.is_collecting() && flaws.is_empty() && !full;
+            let plain = self.machine.is_collecting() && errors.is_empty() && !full;
             let store = if chip.settings.short_cut && plain {
                 chip.waiting = None;
                 Some(byte)
             } else {
-                self.machine.on_character(chip, flaws, full)
+                self.machine.on_character(chip, errors, full)
             };
             if let Some(byte) = store {
                 chip.store(byte);
@@ -500,9 +504,9 @@ impl Wire for Chip {
         self.stored = 0;
     }
 
-    fn finish(&mut self) -> Heard {
+    fn finish(&mut self) -> Received {
         let heard = self.reception.finish();
-        if heard.flaws.is_empty() {
+        if heard.errors.is_empty() {
             assert_eq!(self.lent, None, "complete while the buffer is lent");
             self.complete = self.incoming;
             self.kept = Some((heard.len, self.adu));

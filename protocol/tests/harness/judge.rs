@@ -3,7 +3,7 @@
 use super::book::{Book, Outcome, framed, unframed};
 use super::bus::{Bus, Char, Settings, Talk};
 use super::unit::{Event, Unit};
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 /// How a script makes judging easier or harder.
 pub struct Circumstances {
@@ -85,7 +85,7 @@ pub fn runs(settings: &Settings, chars: &[Char], talks: &[Talk], glitches: &[u64
             run.damaged = true;
             run.gap = true;
         }
-        run.damaged |= !char.flaws.is_empty();
+        run.damaged |= !char.errors.is_empty();
         run.last = index;
         run.bytes.push(char.byte);
         run.end = char.start + settings.character;
@@ -161,15 +161,15 @@ fn judge_exactly<const MAY_FAIL: bool>(
         _ => None,
     });
     let mut told = unit.events.iter().filter_map(|event| match event {
-        Event::Damaged(flaws) => Some(*flaws),
+        Event::Damaged(errors) => Some(*errors),
         _ => None,
     });
     let mut verdict = Verdict::default();
     for run in runs(settings, &bus.chip.chars, &bus.chip.talks, &[]) {
         let Some(body) = run.body() else {
             verdict.bad += 1;
-            let flaws = told.next().expect("a damaged frame is not told");
-            assert_eq!(flaws.contains(Flaws::GAP), run.gap, "{flaws:?}");
+            let errors = told.next().expect("a damaged frame is not told");
+            assert_eq!(errors.contains(ReceiveErrors::GAP), run.gap, "{errors:?}");
             continue;
         };
         verdict.good += 1;

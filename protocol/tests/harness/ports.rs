@@ -3,7 +3,9 @@
 
 use multidrop_protocol::client;
 use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
-use multidrop_protocol::port_registers::{PortRegisters, Register, Settings, Status, Step};
+use multidrop_protocol::port_registers::{
+    PortRegisters, PortSettings, Register, Status, TransactionStep,
+};
 use multidrop_protocol::registers::{
     Bank, CoilBank, Items, NoRules, Rules, ScanList, SparseBank, SparseCoilBank,
 };
@@ -76,7 +78,7 @@ pub fn run(data: &[u8]) {
         scan: true,
         rules: [0; 3],
     };
-    let settings = Settings::DEFAULT;
+    let settings = PortSettings::DEFAULT;
     match script.byte() % 3 {
         0 => Judge::<_, _, NoRules>::new(
             PortRegisters::new(settings, Bank::<130>::new(7), CoilBank::<251>::new(7, 2005)),
@@ -450,7 +452,7 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Judge<R, C, V> {
     }
 
     /// One request and one answer.
-    fn exchange(&mut self, step: &Step, asked: &Asked, script: &mut Script<'_>) {
+    fn exchange(&mut self, step: &TransactionStep, asked: &Asked, script: &mut Script<'_>) {
         let request = Written {
             port: &self.port,
             step,
@@ -617,7 +619,7 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Judge<R, C, V> {
 /// A step as a client sends it.
 struct Written<'a, R, C, V> {
     port: &'a PortRegisters<R, C, V>,
-    step: &'a Step,
+    step: &'a TransactionStep,
     value: Cell<u16>,
 }
 

@@ -1,6 +1,6 @@
 //! Requests, gaps and scripts by number: the same number makes the same script.
 
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 use super::book::{self, UNIT};
 use super::bus::Settings;
@@ -155,7 +155,11 @@ fn talk(random: &mut Random, settings: &Settings) -> Op {
     }
     if random.once_in(9) {
         let at = at(random, &chars);
-        chars[at].flaws = random.pick(&[Flaws::PARITY, Flaws::FRAMING, Flaws::OVERRUN]);
+        chars[at].errors = random.pick(&[
+            ReceiveErrors::PARITY,
+            ReceiveErrors::FRAMING,
+            ReceiveErrors::OVERRUN,
+        ]);
     }
     if random.once_in(9) {
         let at = at(random, &chars);
@@ -166,7 +170,7 @@ fn talk(random: &mut Random, settings: &Settings) -> Op {
         chars.push(Sent {
             gap: gap(random, settings),
             byte: 0,
-            flaws: Flaws::NONE,
+            errors: ReceiveErrors::NONE,
         });
     }
     Op::Talk {

@@ -1,6 +1,6 @@
 //! What is on the wire and what befalls the unit, one after the other.
 
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 
 use super::book::{self, Book};
 use super::bus::{Bus, Char, Settings};
@@ -20,7 +20,7 @@ pub struct Config {
 pub struct Sent {
     pub gap: u64,
     pub byte: u8,
-    pub flaws: Flaws,
+    pub errors: ReceiveErrors,
 }
 
 /// One thing after the other.
@@ -42,7 +42,7 @@ pub fn frame(gap: u64, bytes: &[u8]) -> Vec<Sent> {
     let sent = |(gap, &byte)| Sent {
         gap,
         byte,
-        flaws: Flaws::NONE,
+        errors: ReceiveErrors::NONE,
     };
     gaps.zip(bytes).map(sent).collect()
 }
@@ -106,10 +106,14 @@ impl<const MAY_FAIL: bool> Lab<MAY_FAIL> {
         if polite {
             self.rest();
         }
-        for &Sent { gap, byte, flaws } in chars {
+        for &Sent { gap, byte, errors } in chars {
             // What is at this very tick has happened already.
             let start = (self.last_end() + gap).max(self.bus.chip.now + 1);
-            self.bus.chip.chars.push(Char { start, byte, flaws });
+            self.bus.chip.chars.push(Char {
+                start,
+                byte,
+                errors,
+            });
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The two tasks of a port, as the firmware has them: one takes frames from the line, the other works out answers.
 
 use multidrop_protocol::BROADCAST;
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 use multidrop_protocol::server::{DataModel, Plan, Server};
 
 use super::book::{Book, UNIT};
@@ -16,7 +16,7 @@ pub enum Event {
     /// Went through with it, at this tick: wrote, or called the application.
     Executed(usize, u64),
     /// Was told of a damaged frame.
-    Damaged(Flaws),
+    Damaged(ReceiveErrors),
 }
 
 enum Serving {
@@ -100,8 +100,8 @@ impl<const MAY_FAIL: bool> Unit<MAY_FAIL> {
         while let Some(fetched) = bus.fetch() {
             let len = match fetched {
                 Ok(len) => len,
-                Err(flaws) => {
-                    self.events.push(Event::Damaged(flaws));
+                Err(errors) => {
+                    self.events.push(Event::Damaged(errors));
                     continue;
                 }
             };

@@ -70,11 +70,11 @@ fn run(board: Board, way: Way, line: Line, steps: &[Step]) -> Option<(usize, Str
     None
 }
 
-/// Random requests and damage, with flaws of characters among these; state and counters are read back every 50 steps.
-fn holds(board: Board, way: Way, line: Line, flaws: &[Flaw], seed: u64, requests: usize) {
+/// Random requests and damage, with errors of characters among these; state and counters are read back every 50 steps.
+fn holds(board: Board, way: Way, line: Line, errors: &[Flaw], seed: u64, requests: usize) {
     let mut random = Random::new(seed);
     let mut below = |end: u32| (random.next() % u64::from(end)) as u32;
-    let mut traffic = Requests::new(&mut below, flaws);
+    let mut traffic = Requests::new(&mut below, errors);
     let mut steps = Vec::new();
     for number in 1..=requests {
         steps.push(traffic.step());
@@ -110,13 +110,13 @@ pub fn at_115200(board: Board) {
 /// RTU at 38400 8E1.
 pub fn with_parity(board: Board) {
     let format = Format::E81;
-    let flaws = [Flaw::Gap, Flaw::Framing, Flaw::Parity];
-    holds(board, Way::Rtu, Line { format, ..LINE }, &flaws, 3, 300);
+    let errors = [Flaw::Gap, Flaw::Framing, Flaw::Parity];
+    holds(board, Way::Rtu, Line { format, ..LINE }, &errors, 3, 300);
 }
 
 /// ASCII at 115200 7E1.
 pub fn in_ascii(board: Board) {
     let format = Format::E71;
-    let flaws = [Flaw::Framing, Flaw::Parity];
-    holds(board, Way::Ascii, Line { format, ..FAST }, &flaws, 4, 300);
+    let errors = [Flaw::Framing, Flaw::Parity];
+    holds(board, Way::Ascii, Line { format, ..FAST }, &errors, 4, 300);
 }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// The crates that are mutated, each tested by its own tests on the host.
-const PACKAGES: [&str; 2] = ["multidrop-protocol", "multidrop-firmware"];
+const PACKAGES: [&str; 2] = ["multidrop-protocol", "multidrop"];
 
 /// The release of cargo-mutants that was tried.
 const VERSION: &str = "27.1.0";

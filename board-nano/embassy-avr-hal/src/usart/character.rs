@@ -8,8 +8,8 @@
 use core::arch::asm;
 use core::cell::UnsafeCell;
 
-use multidrop_firmware::protocol::crc;
-use multidrop_firmware::protocol::rtu::{Heard, Reception};
+use multidrop::protocol::crc;
+use multidrop::protocol::rtu::{Received, Reception};
 
 use super::settings::Framings;
 use super::state::{ADU, SHARED};
@@ -67,7 +67,7 @@ impl Hot {
 
     /// What has come in, taken for a whole frame.
     #[inline(always)]
-    pub fn finish(&self) -> Heard {
+    pub fn finish(&self) -> Received {
         Reception::from_parts(u16::from_le_bytes(self.crc), self.len, self.is_full()).finish()
     }
 }
@@ -91,7 +91,7 @@ pub(crate) fn set_attention(needed: bool) {
 #[inline(always)]
 pub(super) unsafe fn on_character<DE: DriverEnable, F: Framings>() {
     // SAFETY: touches the registers of the line and what `Hot` and `ADU` hold; only a frame without
-    // flaws is stored, and one that begins while the buffer is not free has a flaw. Around the call it
+    // errors is stored, and one that begins while the buffer is not free has a flaw. Around the call it
     // saves what the calling convention lets a function change, but for what is declared below; r0 and SREG are
     // saved by the interrupt.
     unsafe {

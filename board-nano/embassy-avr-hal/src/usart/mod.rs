@@ -36,9 +36,9 @@ use core::marker::PhantomData;
 use core::ptr::NonNull;
 use core::task::{Context, Poll};
 
-use multidrop_firmware::line::{Adu, Key, Lend, Line, LineConfig, LineError};
-use multidrop_firmware::protocol::port_registers::Duplex;
-use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError};
+use multidrop::protocol::port_registers::Duplex;
+use multidrop::protocol::rtu::ReceiveErrors;
 
 use crate::executor;
 use crate::gpio::{DriverEnable, PD0, PD1, hold_rxd_high};
@@ -176,20 +176,20 @@ fn poll_sent(context: &Context) -> Poll<bool> {
 }
 
 #[inline(never)]
-fn poll_quiet<DE: DriverEnable, F: Framings>(context: &Context) -> Poll<Flaws> {
+fn poll_quiet<DE: DriverEnable, F: Framings>(context: &Context) -> Poll<ReceiveErrors> {
     executor::USER.register(context.waker());
     let quiet = with(|state| {
         let (machine, mut wire) = state.parts::<DE, F>();
         machine.quiet(&mut wire)
     });
     match quiet {
-        Some(flaws) => Poll::Ready(flaws),
+        Some(errors) => Poll::Ready(errors),
         None => Poll::Pending,
     }
 }
 
 #[inline(never)]
-fn poll_heard(context: &Context) -> Poll<Result<u8, Flaws>> {
+fn poll_heard(context: &Context) -> Poll<Result<u8, ReceiveErrors>> {
     executor::RECEIVER.register(context.waker());
     match with(|state| state.machine.fetch()) {
         Some(heard) => Poll::Ready(heard),
@@ -218,7 +218,7 @@ fn release<DE: DriverEnable, F: Framings>(len: u8) {
 // SAFETY: the machine lends the one buffer once until `give_back`, and keeps interrupts from it meanwhile; only `on_ready`
 // reads it, after `release`.
 unsafe impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Lend for Usart0<DE, CLOCK_HZ, F> {
-    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, Flaws>> {
+    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, ReceiveErrors>> {
         poll_heard(context)
     }
 
@@ -256,7 +256,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLO
         !DE::IS_ONE_PAIR || duplex == Duplex::Half
     }
 
-    fn quiet(&self) -> impl Future<Output = Flaws> {
+    fn quiet(&self) -> impl Future<Output = ReceiveErrors> {
         poll_fn(|context| poll_quiet::<DE, F>(context))
     }
 

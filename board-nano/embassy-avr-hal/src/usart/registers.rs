@@ -1,6 +1,6 @@
 //! The registers of USART0 (DS 20.11) and the pin-change flag that stands in for a start-bit detector.
 
-use multidrop_firmware::protocol::rtu::Flaws;
+use multidrop::protocol::rtu::ReceiveErrors;
 
 use super::settings::{Framings, Kept, Settings};
 use crate::edge;
@@ -65,18 +65,18 @@ fn exint() -> &'static crate::pac::exint::RegisterBlock {
 
 /// What the error bits of UCSR0A mean.
 #[inline(always)]
-pub(super) fn flaws(status: u8) -> Flaws {
-    let mut flaws = Flaws::NONE;
+pub(super) fn errors(status: u8) -> ReceiveErrors {
+    let mut errors = ReceiveErrors::NONE;
     if status & FE != 0 {
-        flaws |= Flaws::FRAMING;
+        errors |= ReceiveErrors::FRAMING;
     }
     if status & DOR != 0 {
-        flaws |= Flaws::OVERRUN;
+        errors |= ReceiveErrors::OVERRUN;
     }
     if status & UPE != 0 {
-        flaws |= Flaws::PARITY;
+        errors |= ReceiveErrors::PARITY;
     }
-    flaws
+    errors
 }
 
 /// Baud rate, format, receiver and transmitter on.

@@ -2,10 +2,10 @@
 
 use core::marker::PhantomData;
 
-use multidrop_firmware::line::{InterCharacter, LineConfig, LineError, Role};
-use multidrop_firmware::protocol::format::{Framing, LineFormat, Parity};
-use multidrop_firmware::protocol::port_registers::Flow;
-use multidrop_firmware::protocol::timing;
+use multidrop::line::{InterCharacter, LineConfig, LineError, Role};
+use multidrop::protocol::format::{Framing, LineFormat, Parity};
+use multidrop::protocol::port_registers::Flow;
+use multidrop::protocol::timing;
 
 use crate::baud::{divisor, slowest};
 use crate::timer1::PRESCALER;

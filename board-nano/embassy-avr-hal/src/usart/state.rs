@@ -1,5 +1,5 @@
 //! What the interrupts and the futures of the line share: the state machine of
-//! [`protocol::line`](multidrop_firmware::protocol::line), and this chip as its [`Wire`].
+//! [`protocol::line`](multidrop::protocol::line), and this chip as its [`Wire`].
 //!
 //! Four interrupts and the futures, with interrupts off, are the only users.
 
@@ -7,9 +7,9 @@ use core::cell::UnsafeCell;
 use core::marker::PhantomData;
 use core::ptr::NonNull;
 
-use multidrop_firmware::line::Adu;
-use multidrop_firmware::protocol::line::{Ascii, Interval, LineMachine, Wire};
-use multidrop_firmware::protocol::rtu::Heard;
+use multidrop::line::Adu;
+use multidrop::protocol::line::{Ascii, Interval, LineMachine, Wire};
+use multidrop::protocol::rtu::Received;
 
 use super::character::{Hot, set_attention};
 use super::registers::{self, Usart};
@@ -110,7 +110,7 @@ impl Long {
     }
 }
 
-/// [`Line::set_delimiter`](multidrop_firmware::Line::set_delimiter); with interrupts off.
+/// [`Line::set_delimiter`](multidrop::Line::set_delimiter); with interrupts off.
 pub(super) fn set_delimiter(delimiter: u8) {
     // SAFETY: interrupts are off.
     unsafe { AsciiState::get() }.ascii.set_delimiter(delimiter);
@@ -248,7 +248,7 @@ impl State {
         &mut self,
         errors: u8,
     ) -> Option<u8> {
-        let flaws = registers::flaws(errors);
+        let errors = registers::errors(errors);
         edge::on_character();
         if F::SLOW {
             // Characters that do not pass by here follow one that did, without an alarm between: nothing was counted since.
@@ -257,12 +257,12 @@ impl State {
         }
         let (machine, mut wire) = self.parts::<DE, F>();
         if wire.ascii().is_some() {
-            machine.on_ascii_character(&mut wire, Usart::take(), flaws);
+            machine.on_ascii_character(&mut wire, Usart::take(), errors);
             return None;
         }
         // SAFETY: in the interrupt.
         let full = unsafe { Hot::get() }.is_full();
-        let store = machine.on_character(&mut wire, flaws, full);
+        let store = machine.on_character(&mut wire, errors, full);
         // While edges are waited for, every character has to pass by here: see `edge`.
         set_attention(store.is_none() || edge::has_waits());
         store
@@ -424,7 +424,7 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
     }
 
     #[inline(always)]
-    fn finish(&mut self) -> Heard {
+    fn finish(&mut self) -> Received {
         // SAFETY: in the interrupt.
         unsafe { Hot::get() }.finish()
     }

@@ -11,12 +11,12 @@
 //! All registers are loaded by the PC. Whatever port is changed, the other three go on without a lost or wrong answer; so does
 //! that one, before and after.
 
-mod asker;
 mod changes;
+mod client;
 mod sniffed;
 pub mod units;
 
-pub use asker::{Asker, Source};
+pub use client::{BusClient, Source};
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -204,8 +204,8 @@ impl Report {
 /// What the hosts know of the machine.
 struct Load {
     report: Report,
-    pc: Asker,
-    ascii: Asker,
+    pc: BusClient,
+    ascii: BusClient,
     sniffed: Sniffed,
     /// What is left of the change under way, when the next one begins, and of which of [`CHANGED`].
     steps: VecDeque<Step>,
@@ -231,8 +231,8 @@ struct Load {
 pub fn run(desk: &mut Desk, span: Time) -> Report {
     let mut load = Load {
         report: Report::default(),
-        pc: Asker::new(desk.pc, AS1, Way::Rtu, LINE),
-        ascii: Asker::new(desk.ascii, AS2, Way::Ascii, ASCII),
+        pc: BusClient::new(desk.pc, AS1, Way::Rtu, LINE),
+        ascii: BusClient::new(desk.ascii, AS2, Way::Ascii, ASCII),
         sniffed: Sniffed::new(desk.station(RS4)),
         steps: VecDeque::new(),
         next_change: desk.bus.now() + EVERY,

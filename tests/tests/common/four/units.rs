@@ -23,7 +23,7 @@ pub struct Played<'a> {
     script: Box<Script<'a>>,
 }
 
-/// What an asker has heard.
+/// What a client has heard.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Told {
     /// Unit id and PDU; empty if there was no good frame.
@@ -151,7 +151,7 @@ pub fn asked(desk: &Desk) -> Vec<Asked> {
     asked
 }
 
-/// The same where askers give up: what was cut off, since nobody waits for its answer any more, is no request.
+/// The same where clients give up: what was cut off, since nobody waits for its answer any more, is no request.
 ///
 /// # Panics
 /// As [`asked`].

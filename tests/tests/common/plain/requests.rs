@@ -124,12 +124,12 @@ impl Step {
 pub struct Requests<'a> {
     below: Below<'a>,
     /// The ways in which characters can be wrong where they go.
-    flaws: &'a [Flaw],
+    errors: &'a [Flaw],
 }
 
 impl<'a> Requests<'a> {
-    pub fn new(below: Below<'a>, flaws: &'a [Flaw]) -> Self {
-        Requests { below, flaws }
+    pub fn new(below: Below<'a>, errors: &'a [Flaw]) -> Self {
+        Requests { below, errors }
     }
 
     fn below(&mut self, end: u32) -> u32 {
@@ -179,7 +179,7 @@ impl<'a> Requests<'a> {
             3 => Damage::Flip(place, self.byte()),
             4 => Damage::Late(self.byte()),
             5 => Damage::Bare,
-            _ => Damage::At(place, self.pick(self.flaws)),
+            _ => Damage::At(place, self.pick(self.errors)),
         }
     }
 

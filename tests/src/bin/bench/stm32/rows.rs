@@ -58,7 +58,7 @@ const ROWS: &[Row] = &[
     .goal("<= 1024")
     .brief(),
     row(
-        "RAM of RS4, 16 registers, 4 askers",
+        "RAM of RS4, 16 registers, 4 clients",
         "bytes",
         One("ram_rs4_bytes"),
     )

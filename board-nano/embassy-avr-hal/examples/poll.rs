@@ -9,9 +9,9 @@ use embassy_avr_hal::usart::{Settings, Usart0};
 use embassy_avr_hal::{bind_time, bind_usart0, pac};
 use embassy_time::Timer;
 use embedded_hal::digital::OutputPin;
-use multidrop_firmware::protocol::format::LineFormat;
-use multidrop_firmware::scan::{Entry, Scan};
-use multidrop_firmware::{ClientConfig, ClientPort, PortConfig};
+use multidrop::poll::{PollEntry, PollList};
+use multidrop::protocol::format::LineFormat;
+use multidrop::{ClientConfig, ClientPort, PortConfig};
 use static_cell::StaticCell;
 
 const CLOCK_HZ: u32 = 16_000_000;
@@ -23,14 +23,14 @@ const PORT: PortConfig = PortConfig::new("RS4")
 
 type Rs485 = Usart0<PD2, CLOCK_HZ>;
 type Port = ClientPort<Rs485, 1>;
-type List = Scan<3, 33>;
+type List = PollList<3, 33>;
 
 bind_usart0!(Rs485);
 bind_time!(CLOCK_HZ);
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
-    multidrop_firmware::client_receive(port).await
+    multidrop::client_receive(port).await
 }
 
 #[embassy_executor::task]
@@ -71,9 +71,9 @@ fn main() -> ! {
     let port = PORT_CELL.init(Port::new(line));
     static LIST: StaticCell<List> = StaticCell::new();
     let list = LIST.init(List::new([
-        Entry::holding_registers(1, 0, 16).period_ms(1),
-        Entry::coils(1, 0, 16).period_ms(1),
-        Entry::holding_registers(1, 15, 1).period_ms(1),
+        PollEntry::holding_registers(1, 0, 16).period_ms(1),
+        PollEntry::coils(1, 0, 16).period_ms(1),
+        PollEntry::holding_registers(1, 15, 1).period_ms(1),
     ]));
     let led = Output::new(pins.PB5, false);
     run_with_time(|spawner| {

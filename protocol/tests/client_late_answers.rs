@@ -1,8 +1,8 @@
 //! What may be asked while answers are owed, what ends a wait, what is tried again: without a clock.
 
-use multidrop_protocol::client::{AnswerError, Asking, Debts, Failure, Heard, Moment, Next};
+use multidrop_protocol::client::{AnswerError, Asking, Event, Failure, LateAnswers, Moment, Next};
 use multidrop_protocol::exception::Exception;
-use multidrop_protocol::rtu::Flaws;
+use multidrop_protocol::rtu::ReceiveErrors;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -19,12 +19,12 @@ fn at(now: u32) -> Moment {
 }
 
 /// A request to `unit` that goes out at `now` with this function and is not answered.
-fn in_vain(debts: &mut Debts, unit: u8, function: u8, now: u32) {
+fn in_vain(late_answers: &mut LateAnswers, unit: u8, function: u8, now: u32) {
     let mut asking = Asking::new(unit, 0);
-    assert_eq!(asking.wait(debts, function, now), 0);
-    asking.sent(debts, function, &at(now));
+    assert_eq!(asking.wait(late_answers, function, now), 0);
+    asking.sent(late_answers, function, &at(now));
     assert_eq!(asking.deadline(), now.wrapping_add(TIMEOUT));
-    let next = asking.heard(debts, Heard::Nothing, &at(asking.deadline()));
+    let next = asking.heard(late_answers, Event::Nothing, &at(asking.deadline()));
     assert_eq!(next, Next::Failed(Failure::Timeout));
 }
 
@@ -43,36 +43,43 @@ fn the_same_unit_and_function_wait_for_the_guard_and_others_do_not() {
         u32::MAX - 100,
         u32::MAX / 2 - 130,
     ] {
-        let mut debts = Debts::new();
-        assert!(debts.is_empty());
-        in_vain(&mut debts, 17, 3, begin);
-        assert!(!debts.is_empty());
+        let mut late_answers = LateAnswers::new();
+        assert!(late_answers.is_empty());
+        in_vain(&mut late_answers, 17, 3, begin);
+        assert!(!late_answers.is_empty());
         for after in 0..=GUARD {
             let now = begin.wrapping_add(TIMEOUT + after);
-            assert_eq!(debts.wait(17, 3, now), GUARD - after, "{begin} + {after}");
+            assert_eq!(
+                late_answers.wait(17, 3, now),
+                GUARD - after,
+                "{begin} + {after}"
+            );
             if after < GUARD {
-                assert_eq!((debts.wait(17, 4, now), debts.wait(18, 3, now)), (0, 0));
+                assert_eq!(
+                    (late_answers.wait(17, 4, now), late_answers.wait(18, 3, now)),
+                    (0, 0)
+                );
             }
         }
-        assert!(debts.is_empty());
+        assert!(late_answers.is_empty());
     }
 }
 
 /// Nobody asks for so long that the clock goes round: no request waits for longer than it would have had to.
 #[test]
-fn a_debt_that_is_long_over_holds_nobody_up() {
-    let mut debts = Debts::new();
-    in_vain(&mut debts, 17, 3, 0);
+fn a_late_answer_that_is_long_over_holds_nobody_up() {
+    let mut late_answers = LateAnswers::new();
+    in_vain(&mut late_answers, 17, 3, 0);
     let mut waits = 0;
     for now in (0..=u32::MAX).step_by(4099).skip(1) {
-        let mut debts = Debts::new();
-        in_vain(&mut debts, 17, 3, 0);
-        let wait = debts.wait(17, 3, now.wrapping_add(TIMEOUT + GUARD));
+        let mut late_answers = LateAnswers::new();
+        in_vain(&mut late_answers, 17, 3, 0);
+        let wait = late_answers.wait(17, 3, now.wrapping_add(TIMEOUT + GUARD));
         assert!(wait <= TIMEOUT + GUARD);
         waits += u32::from(wait > 0);
     }
     assert!(waits <= 1);
-    assert_eq!(debts.wait(17, 3, u32::MAX / 2), 0);
+    assert_eq!(late_answers.wait(17, 3, u32::MAX / 2), 0);
 }
 
 #[test]
@@ -87,169 +94,197 @@ fn only_the_answer_itself_or_its_exception_ends_it() {
         (&[17], false),
         (&[], false),
     ] {
-        let mut debts = Debts::new();
-        in_vain(&mut debts, 17, 3, 0);
-        assert_eq!(debts.heard(frame, &at(110)), ends, "{frame:02X?}");
-        assert_eq!(debts.wait(17, 3, 110) == 0, ends, "{frame:02X?}");
+        let mut late_answers = LateAnswers::new();
+        in_vain(&mut late_answers, 17, 3, 0);
+        assert_eq!(late_answers.heard(frame, &at(110)), ends, "{frame:02X?}");
+        assert_eq!(late_answers.wait(17, 3, 110) == 0, ends, "{frame:02X?}");
         // Heard in the wait for another unit's answer.
-        let mut debts = Debts::new();
-        in_vain(&mut debts, 17, 3, 0);
+        let mut late_answers = LateAnswers::new();
+        in_vain(&mut late_answers, 17, 3, 0);
         let mut other = Asking::new(20, 0);
-        other.sent(&mut debts, 3, &at(110));
+        other.sent(&mut late_answers, 3, &at(110));
         assert_eq!(
-            debts.is_owed(frame),
+            late_answers.is_owed(frame),
             frame.len() > 1 && frame[..2] != [17, 4] && frame[0] != 18
         );
         let judged = Err(AnswerError::Unit(17));
-        let next = other.heard(&mut debts, Heard::Frame(frame, judged), &at(120));
+        let next = other.heard(&mut late_answers, Event::Frame(frame, judged), &at(120));
         assert_eq!(next, Next::Wait);
-        assert_eq!(debts.wait(17, 3, 120) == 0, ends, "{frame:02X?}");
-        other.heard(&mut debts, Heard::Damaged(Flaws::CHECK), &at(121));
-        assert_eq!(debts.wait(17, 3, 121) == 0, ends, "{frame:02X?}");
+        assert_eq!(late_answers.wait(17, 3, 120) == 0, ends, "{frame:02X?}");
+        other.heard(
+            &mut late_answers,
+            Event::Damaged(ReceiveErrors::CHECK),
+            &at(121),
+        );
+        assert_eq!(late_answers.wait(17, 3, 121) == 0, ends, "{frame:02X?}");
     }
 }
 
 #[test]
 fn where_four_owe_everybody_waits_for_the_first_of_them() {
-    let mut debts = Debts::new();
+    let mut late_answers = LateAnswers::new();
     for unit in 1..=4 {
         let late = Moment {
             guard: 10_000,
             ..at(u32::from(unit) * 200)
         };
         let mut asking = Asking::new(unit, 0);
-        assert_eq!(asking.wait(&mut debts, 3, late.now), 0, "{unit}");
-        asking.sent(&mut debts, 3, &late);
+        assert_eq!(asking.wait(&mut late_answers, 3, late.now), 0, "{unit}");
+        asking.sent(&mut late_answers, 3, &late);
     }
-    assert_eq!(debts.wait(5, 3, 1000), 10_300 - 1000);
-    assert_eq!(debts.wait(4, 3, 1000), 10_900 - 1000);
+    assert_eq!(late_answers.wait(5, 3, 1000), 10_300 - 1000);
+    assert_eq!(late_answers.wait(4, 3, 1000), 10_900 - 1000);
     // One that has its place may be tried again.
     let mut asking = Asking::new(4, 1);
-    debts.heard(&answer(4, 3), &at(1000));
-    assert_eq!(asking.wait(&mut debts, 3, 1000), 0);
-    asking.sent(&mut debts, 3, &at(1000));
+    late_answers.heard(&answer(4, 3), &at(1000));
+    assert_eq!(asking.wait(&mut late_answers, 3, 1000), 0);
+    asking.sent(&mut late_answers, 3, &at(1000));
     assert_eq!(
-        asking.heard(&mut debts, Heard::Nothing, &at(1100)),
+        asking.heard(&mut late_answers, Event::Nothing, &at(1100)),
         Next::Again
     );
-    assert_eq!(asking.wait(&mut debts, 3, 1100), 0);
-    assert_eq!(debts.wait(5, 3, 1100), GUARD);
+    assert_eq!(asking.wait(&mut late_answers, 3, 1100), 0);
+    assert_eq!(late_answers.wait(5, 3, 1100), GUARD);
 }
 
 #[test]
 fn each_try_is_owed_an_answer_and_no_other_request_goes_before_them() {
-    let mut debts = Debts::new();
+    let mut late_answers = LateAnswers::new();
     let mut asking = Asking::new(17, 2);
     for (begin, next) in [(0, Next::Again), (100, Next::Again)] {
-        assert_eq!(asking.wait(&mut debts, 3, begin), 0);
-        asking.sent(&mut debts, 3, &at(begin));
-        let heard = asking.heard(&mut debts, Heard::Nothing, &at(begin + 100));
+        assert_eq!(asking.wait(&mut late_answers, 3, begin), 0);
+        asking.sent(&mut late_answers, 3, &at(begin));
+        let heard = asking.heard(&mut late_answers, Event::Nothing, &at(begin + 100));
         assert_eq!(heard, next);
     }
-    asking.sent(&mut debts, 3, &at(200));
+    asking.sent(&mut late_answers, 3, &at(200));
     let first = answer(17, 3);
-    let next = asking.heard(&mut debts, Heard::Frame(&first, Ok(())), &at(210));
+    let next = asking.heard(&mut late_answers, Event::Frame(&first, Ok(())), &at(210));
     assert_eq!(next, Next::Answered);
     // Two more may come.
     for now in [211, 212] {
-        assert!(debts.wait(17, 3, now) > 0);
-        assert!(debts.heard(&first, &at(now)));
+        assert!(late_answers.wait(17, 3, now) > 0);
+        assert!(late_answers.heard(&first, &at(now)));
     }
-    assert_eq!(debts.wait(17, 3, 213), 0);
-    assert!(!debts.heard(&first, &at(214)));
+    assert_eq!(late_answers.wait(17, 3, 213), 0);
+    assert!(!late_answers.heard(&first, &at(214)));
 }
 
 /// What it owes is another request's by then.
 #[test]
 fn a_retry_waits_for_what_others_are_owed() {
-    let mut debts = Debts::new();
+    let mut late_answers = LateAnswers::new();
     let mut first = Asking::new(17, 1);
-    first.sent(&mut debts, 3, &at(0));
+    first.sent(&mut late_answers, 3, &at(0));
     assert_eq!(
-        first.heard(&mut debts, Heard::Nothing, &at(100)),
+        first.heard(&mut late_answers, Event::Nothing, &at(100)),
         Next::Again
     );
-    assert!(debts.heard(&answer(17, 3), &at(110)));
-    in_vain(&mut debts, 17, 3, 120);
-    assert_eq!(first.wait(&mut debts, 3, 220), GUARD);
+    assert!(late_answers.heard(&answer(17, 3), &at(110)));
+    in_vain(&mut late_answers, 17, 3, 120);
+    assert_eq!(first.wait(&mut late_answers, 3, 220), GUARD);
 }
 
 #[test]
 fn exception_05_extends_the_wait_once_and_06_is_tried_later() {
     let refused = |exception| Err(AnswerError::Exception(exception));
-    let accepted = Heard::Frame(&[17, 0x83, 5], refused(Exception::Acknowledge));
+    let accepted = Event::Frame(&[17, 0x83, 5], refused(Exception::Acknowledge));
     let failed = Next::Failed(Failure::Answer(AnswerError::Exception(
         Exception::Acknowledge,
     )));
-    let mut debts = Debts::new();
+    let mut late_answers = LateAnswers::new();
     let mut asking = Asking::new(17, 3);
-    asking.sent(&mut debts, 3, &at(0));
-    assert_eq!(asking.heard(&mut debts, accepted, &at(90)), Next::Wait);
+    asking.sent(&mut late_answers, 3, &at(0));
+    assert_eq!(
+        asking.heard(&mut late_answers, accepted, &at(90)),
+        Next::Wait
+    );
     assert_eq!(asking.deadline(), 190);
-    let damaged = Heard::Damaged(Flaws::CHECK);
-    assert_eq!(asking.heard(&mut debts, damaged, &at(100)), Next::Wait);
-    assert_eq!(asking.heard(&mut debts, Heard::Nothing, &at(190)), failed);
+    let damaged = Event::Damaged(ReceiveErrors::CHECK);
+    assert_eq!(
+        asking.heard(&mut late_answers, damaged, &at(100)),
+        Next::Wait
+    );
+    assert_eq!(
+        asking.heard(&mut late_answers, Event::Nothing, &at(190)),
+        failed
+    );
     // It will answer later.
-    assert_eq!(debts.wait(17, 3, 190), GUARD);
+    assert_eq!(late_answers.wait(17, 3, 190), GUARD);
 
-    let busy = Heard::Frame(&[17, 0x83, 6], refused(Exception::ServerDeviceBusy));
-    let mut debts = Debts::new();
+    let busy = Event::Frame(&[17, 0x83, 6], refused(Exception::ServerDeviceBusy));
+    let mut late_answers = LateAnswers::new();
     let mut asking = Asking::new(17, 1);
-    asking.sent(&mut debts, 3, &at(0));
-    assert_eq!(asking.heard(&mut debts, busy, &at(10)), Next::Later);
-    assert!(debts.is_empty());
-    asking.sent(&mut debts, 3, &at(110));
+    asking.sent(&mut late_answers, 3, &at(0));
+    assert_eq!(asking.heard(&mut late_answers, busy, &at(10)), Next::Later);
+    assert!(late_answers.is_empty());
+    asking.sent(&mut late_answers, 3, &at(110));
     let failed = Next::Failed(Failure::Answer(AnswerError::Exception(
         Exception::ServerDeviceBusy,
     )));
-    assert_eq!(asking.heard(&mut debts, busy, &at(120)), failed);
+    assert_eq!(asking.heard(&mut late_answers, busy, &at(120)), failed);
 }
 
 #[test]
 fn what_is_heard_out_is_the_last() {
-    let other = Heard::Frame(&[18, 3, 2, 0, 0], Err(AnswerError::Unit(18)));
-    let mut debts = Debts::new();
+    let other = Event::Frame(&[18, 3, 2, 0, 0], Err(AnswerError::Unit(18)));
+    let mut late_answers = LateAnswers::new();
     let mut asking = Asking::new(17, 0);
-    asking.sent(&mut debts, 3, &at(0));
+    asking.sent(&mut late_answers, 3, &at(0));
     asking.hears_out();
-    let next = asking.heard(&mut debts, other, &at(130));
+    let next = asking.heard(&mut late_answers, other, &at(130));
     assert_eq!(next, Next::Failed(Failure::Answer(AnswerError::Unit(18))));
     // The guard begins where the wait ended.
-    assert_eq!(debts.wait(17, 3, 130), GUARD);
+    assert_eq!(late_answers.wait(17, 3, 130), GUARD);
 }
 
 #[test]
 fn one_that_is_given_up_keeps_the_line_until_it_is_answered_or_its_time_is_over() {
-    let mut debts = Debts::new();
-    let asked = |debts: &mut Debts| {
+    let mut late_answers = LateAnswers::new();
+    let asked = |late_answers: &mut LateAnswers| {
         let mut asking = Asking::new(17, 0);
-        asking.sent(debts, 3, &at(0));
-        asking.given_up(debts, 30);
+        asking.sent(late_answers, 3, &at(0));
+        asking.given_up(late_answers, 30);
     };
-    asked(&mut debts);
-    assert_eq!((debts.wait(18, 4, 30), debts.wait(17, 3, 30)), (70, 130));
-    assert!(debts.heard(&answer(17, 3), &at(40)));
-    assert_eq!((debts.wait(18, 4, 40), debts.wait(17, 3, 40)), (0, 0));
-    asked(&mut debts);
-    assert_eq!((debts.wait(18, 4, 100), debts.wait(17, 3, 100)), (0, 60));
+    asked(&mut late_answers);
+    assert_eq!(
+        (late_answers.wait(18, 4, 30), late_answers.wait(17, 3, 30)),
+        (70, 130)
+    );
+    assert!(late_answers.heard(&answer(17, 3), &at(40)));
+    assert_eq!(
+        (late_answers.wait(18, 4, 40), late_answers.wait(17, 3, 40)),
+        (0, 0)
+    );
+    asked(&mut late_answers);
+    assert_eq!(
+        (late_answers.wait(18, 4, 100), late_answers.wait(17, 3, 100)),
+        (0, 60)
+    );
 }
 
 #[test]
 fn a_pause_is_for_all_and_no_answer_ends_it() {
-    let mut debts = Debts::new();
-    in_vain(&mut debts, 17, 3, 0);
-    debts.pause(40, 110);
-    assert_eq!((debts.wait(18, 4, 110), debts.wait(17, 3, 110)), (40, 50));
-    assert!(debts.heard(&answer(17, 3), &at(120)));
-    assert_eq!((debts.wait(18, 4, 120), debts.wait(17, 3, 120)), (30, 30));
-    assert_eq!(debts.wait(18, 4, 150), 0);
+    let mut late_answers = LateAnswers::new();
+    in_vain(&mut late_answers, 17, 3, 0);
+    late_answers.pause(40, 110);
+    assert_eq!(
+        (late_answers.wait(18, 4, 110), late_answers.wait(17, 3, 110)),
+        (40, 50)
+    );
+    assert!(late_answers.heard(&answer(17, 3), &at(120)));
+    assert_eq!(
+        (late_answers.wait(18, 4, 120), late_answers.wait(17, 3, 120)),
+        (30, 30)
+    );
+    assert_eq!(late_answers.wait(18, 4, 150), 0);
     // Behind each answer, whoever waits for it.
     let slow = Moment { gap: 25, ..at(200) };
     let mut asking = Asking::new(17, 0);
-    asking.sent(&mut debts, 3, &slow);
+    asking.sent(&mut late_answers, 3, &slow);
     let frame = answer(17, 3);
-    asking.heard(&mut debts, Heard::Frame(&frame, Ok(())), &slow);
-    assert_eq!(debts.wait(18, 4, 200), 25);
+    asking.heard(&mut late_answers, Event::Frame(&frame, Ok(())), &slow);
+    assert_eq!(late_answers.wait(18, 4, 200), 25);
 }
 
 /// A request of somebody, and when its answer comes, if it does: ms behind its last character.
@@ -293,7 +328,7 @@ proptest! {
         all in vec(wanted(), 1..12),
         begin in prop_oneof![Just(0), any::<u32>(), u32::MAX - 500..=u32::MAX],
     ) {
-        let mut debts = Debts::new();
+        let mut late_answers = LateAnswers::new();
         // When it comes, of whom, and to which request.
         let mut coming: Vec<(u64, u8, u8, usize)> = Vec::new();
         let mut now = 0_u64;
@@ -304,25 +339,25 @@ proptest! {
             'tries: loop {
                 // Nobody waits for what comes until it may go out.
                 let mut patience = 0;
-                while asking.wait(&mut debts, wanted.function, clock(now).now) > 0 {
+                while asking.wait(&mut late_answers, wanted.function, clock(now).now) > 0 {
                     now += 1;
                     patience += 1;
                     prop_assert!(patience <= 3 * (TIMEOUT + GUARD), "it waits for ever");
                     coming.retain(|&(when, unit, function, _)| {
                         if when == now {
-                            debts.heard(&answer(unit, function), &clock(now));
+                            late_answers.heard(&answer(unit, function), &clock(now));
                         }
                         when > now
                     });
                 }
-                asking.sent(&mut debts, wanted.function, &clock(now));
+                asking.sent(&mut late_answers, wanted.function, &clock(now));
                 let out = now;
                 if let Some(delay) = delays.next().expect("a try") {
                     coming.push((now + u64::from(*delay), wanted.unit, wanted.function, number));
                 }
                 loop {
                     if wanted.given_up.is_some_and(|after| now - out >= u64::from(after)) {
-                        asking.given_up(&mut debts, clock(now).now);
+                        asking.given_up(&mut late_answers, clock(now).now);
                         break 'tries;
                     }
                     let mut next = Next::Wait;
@@ -342,13 +377,13 @@ proptest! {
                         } else {
                             Ok(())
                         };
-                        next = asking.heard(&mut debts, Heard::Frame(&frame, judged), &clock(now));
+                        next = asking.heard(&mut late_answers, Event::Frame(&frame, judged), &clock(now));
                         if next == Next::Answered {
                             prop_assert_eq!(to, number, "another request's");
                         }
                     }
                     if next == Next::Wait && clock(now).now == asking.deadline() {
-                        next = asking.heard(&mut debts, Heard::Nothing, &clock(now));
+                        next = asking.heard(&mut late_answers, Event::Nothing, &clock(now));
                     }
                     match next {
                         Next::Wait => {}

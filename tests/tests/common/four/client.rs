@@ -28,7 +28,7 @@ struct Waiting {
 
 /// See the module.
 #[derive(Debug)]
-pub struct Asker {
+pub struct BusClient {
     host: HostId,
     /// The place of its port in [`Report::answers`].
     port: usize,
@@ -38,10 +38,10 @@ pub struct Asker {
     waiting: Option<Waiting>,
 }
 
-impl Asker {
+impl BusClient {
     /// One that has asked nothing yet.
     pub fn new(host: HostId, port: usize, way: Way, line: Line) -> Self {
-        Asker {
+        BusClient {
             host,
             port,
             way,

@@ -3,10 +3,10 @@
 mod desk;
 
 use desk::{Desk, Heard, Registers, SENDS};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::scan::{Entry, Scan};
-use multidrop_firmware::{ClientConfig, ClientError};
+use multidrop::poll::{PollEntry, PollList};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::{ClientConfig, ClientError};
 
 const CONFIG: ClientConfig = ClientConfig::new().timeout_ms(50);
 const DELAY: u64 = 4;
@@ -40,10 +40,10 @@ fn began<const N: usize>(desk: &Desk<'_, N>, unit: u8) -> Vec<u64> {
 
 #[test]
 fn entries_are_read_at_their_periods_and_fill_their_cells() {
-    let scan = Scan::<3, 6>::new([
-        Entry::holding_registers(1, 100, 3).period_ms(100),
-        Entry::coils(2, 8, 2).period_ms(250),
-        Entry::holding_registers(3, 7, 1).period_ms(1000),
+    let scan = PollList::<3, 6>::new([
+        PollEntry::holding_registers(1, 100, 3).period_ms(100),
+        PollEntry::coils(2, 8, 2).period_ms(250),
+        PollEntry::holding_registers(3, 7, 1).period_ms(1000),
     ]);
     let scan = &scan;
     let mut desk = Desk::<1>::new(answering());
@@ -68,10 +68,10 @@ fn entries_are_read_at_their_periods_and_fill_their_cells() {
 
 #[test]
 fn a_list_that_asks_for_more_than_there_is_goes_round() {
-    let scan = Scan::<3, 3>::new([
-        Entry::holding_registers(1, 0, 1).period_ms(1),
-        Entry::holding_registers(2, 0, 1).period_ms(5),
-        Entry::holding_registers(3, 0, 1).period_ms(20),
+    let scan = PollList::<3, 3>::new([
+        PollEntry::holding_registers(1, 0, 1).period_ms(1),
+        PollEntry::holding_registers(2, 0, 1).period_ms(5),
+        PollEntry::holding_registers(3, 0, 1).period_ms(20),
     ]);
     let scan = &scan;
     let mut desk = Desk::<1>::new(answering());
@@ -87,9 +87,9 @@ fn a_list_that_asks_for_more_than_there_is_goes_round() {
 
 #[test]
 fn a_dead_unit_costs_time_and_no_burst_follows() {
-    let scan = Scan::<2, 2>::new([
-        Entry::holding_registers(1, 0, 1).period_ms(20),
-        Entry::holding_registers(9, 0, 1).period_ms(500),
+    let scan = PollList::<2, 2>::new([
+        PollEntry::holding_registers(1, 0, 1).period_ms(20),
+        PollEntry::holding_registers(9, 0, 1).period_ms(500),
     ]);
     let scan = &scan;
     let mut alive = answering();
@@ -117,13 +117,13 @@ fn a_dead_unit_costs_time_and_no_burst_follows() {
 
 #[test]
 fn each_kind_of_end_is_counted_and_bad_ones_leave_the_cells() {
-    let scan = Scan::<1, 1>::new([Entry::holding_registers(17, 7, 1).period_ms(100)]);
+    let scan = PollList::<1, 1>::new([PollEntry::holding_registers(17, 7, 1).period_ms(100)]);
     let scan = &scan;
     let answers = [
         Heard::Frame(vec![17, 3, 2, 0xAB, 0xCD]),
         Heard::Frame(vec![17, 0x83, 2]),
         Heard::Void(vec![17, 3, 2, 1, 2]),
-        Heard::Damaged(Flaws::CHECK),
+        Heard::Damaged(ReceiveErrors::CHECK),
         Heard::Frame(vec![17, 3, 4, 1, 2, 3, 4]),
     ];
     let mut next = answers.clone().into_iter();
@@ -136,8 +136,8 @@ fn each_kind_of_end_is_counted_and_bad_ones_leave_the_cells() {
     let expected = [
         None,
         Some(ClientError::Exception(Exception::IllegalDataAddress)),
-        Some(ClientError::Damaged(Flaws::GAP)),
-        Some(ClientError::Damaged(Flaws::CHECK)),
+        Some(ClientError::Damaged(ReceiveErrors::GAP)),
+        Some(ClientError::Damaged(ReceiveErrors::CHECK)),
         Some(ClientError::WrongLength(7)),
         Some(ClientError::Timeout),
     ];

@@ -11,7 +11,7 @@ use crate::function::EXCEPTION_BIT;
 
 /// Answers owed by one unit to one function. None if `count` is 0.
 #[derive(Clone, Copy, Debug)]
-struct Debt {
+struct LateAnswer {
     unit: u8,
     function: u8,
     count: u8,
@@ -19,13 +19,13 @@ struct Debt {
 }
 
 /// What one line owes: up to four units and functions at a time. Where there are as many, the whole line waits for one of
-/// them, as it does [after a broadcast](Debts::pause).
+/// them, as it does [after a broadcast](LateAnswers::pause).
 ///
-/// Time is in ticks that wrap, of any length, such as ms; no time given here is more than 2^31 of them. A debt that nobody
+/// Time is in ticks that wrap, of any length, such as ms; no time given here is more than 2^31 of them. A late answer that nobody
 /// has asked about for nearly 2^32 ticks may count once more, for no longer than it did.
 #[derive(Debug)]
-pub struct Debts {
-    table: [Debt; Debts::PLACES],
+pub struct LateAnswers {
+    table: [LateAnswer; LateAnswers::PLACES],
     /// Nothing at all is asked until then, or until this unit has answered this function; 0 is none.
     is_paused: bool,
     paused_by: (u8, u8),
@@ -34,19 +34,19 @@ pub struct Debts {
     longest: u32,
 }
 
-impl Debts {
+impl LateAnswers {
     /// How many units and functions it has room for.
     pub const PLACES: usize = 4;
 
     /// Nothing is owed.
-    pub const fn new() -> Debts {
-        Debts {
-            table: [Debt {
+    pub const fn new() -> LateAnswers {
+        LateAnswers {
+            table: [LateAnswer {
                 unit: 0,
                 function: 0,
                 count: 0,
                 until: 0,
-            }; Debts::PLACES],
+            }; LateAnswers::PLACES],
             is_paused: false,
             paused_by: (0, 0),
             paused_until: 0,
@@ -56,16 +56,16 @@ impl Debts {
 
     /// Whether no request has to wait, whatever it is.
     pub fn is_empty(&self) -> bool {
-        !self.is_paused && self.table.iter().all(|debt| debt.count == 0)
+        !self.is_paused && self.table.iter().all(|late_answer| late_answer.count == 0)
     }
 
     /// How long a request to `unit` with `function` has to wait, in ticks; 0 if it may go out. It may be less than that: look
-    /// again when something was [heard](Debts::heard). At the end of that time ask again.
+    /// again when something was [heard](LateAnswers::heard). At the end of that time ask again.
     pub fn wait(&mut self, unit: u8, function: u8, now: u32) -> u32 {
         self.wait_but_for(unit, function, now, None)
     }
 
-    /// The same for a request that went out before and owes this: its own debt does not hold it up.
+    /// The same for a request that went out before and owes this: its own late answer does not hold it up.
     #[inline(never)]
     pub(super) fn wait_but_for(
         &mut self,
@@ -75,18 +75,21 @@ impl Debts {
         own: Option<u32>,
     ) -> u32 {
         let mut has_room = false;
-        for place in 0..Debts::PLACES {
+        for place in 0..LateAnswers::PLACES {
             if self.left(self.table[place].until, now) == 0 {
                 self.table[place].count = 0;
             }
             has_room |= self.table[place].count == 0;
         }
         let wait = match self.find(unit, function) {
-            Some(debt) if own == Some(debt.until) => 0,
-            Some(&mut Debt { until, .. }) => self.left(until, now),
+            Some(late_answer) if own == Some(late_answer.until) => 0,
+            Some(&mut LateAnswer { until, .. }) => self.left(until, now),
             None if has_room => 0,
             None => {
-                let left = self.table.iter().map(|debt| debt.until.wrapping_sub(now));
+                let left = self
+                    .table
+                    .iter()
+                    .map(|late_answer| late_answer.until.wrapping_sub(now));
                 left.min().unwrap_or(0)
             }
         };
@@ -99,10 +102,10 @@ impl Debts {
     }
 
     #[inline(never)]
-    fn find(&mut self, unit: u8, function: u8) -> Option<&mut Debt> {
-        self.table
-            .iter_mut()
-            .find(|debt| debt.count > 0 && debt.unit == unit && debt.function == function)
+    fn find(&mut self, unit: u8, function: u8) -> Option<&mut LateAnswer> {
+        self.table.iter_mut().find(|late_answer| {
+            late_answer.count > 0 && late_answer.unit == unit && late_answer.function == function
+        })
     }
 
     #[inline(never)]
@@ -116,16 +119,19 @@ impl Debts {
     pub(super) fn note(&mut self, unit: u8, function: u8, more: u8, until: u32, now: u32) {
         self.notice(until, now);
         if self.find(unit, function).is_none() {
-            let free = self.table.iter().position(|debt| debt.count == 0);
-            self.table[free.unwrap_or(0)] = Debt {
+            let free = self
+                .table
+                .iter()
+                .position(|late_answer| late_answer.count == 0);
+            self.table[free.unwrap_or(0)] = LateAnswer {
                 unit,
                 function,
                 count: more,
                 until,
             };
-        } else if let Some(debt) = self.find(unit, function) {
-            debt.count = debt.count.saturating_add(more);
-            debt.until = until;
+        } else if let Some(late_answer) = self.find(unit, function) {
+            late_answer.count = late_answer.count.saturating_add(more);
+            late_answer.until = until;
         }
     }
 
@@ -151,7 +157,7 @@ impl Debts {
         self.longest = self.longest.max(until.wrapping_sub(now));
     }
 
-    /// Whether a frame, unit id and PDU, is an answer that is owed: if it stands, [`heard`](Debts::heard) is to be told.
+    /// Whether a frame, unit id and PDU, is an answer that is owed: if it stands, [`heard`](LateAnswers::heard) is to be told.
     #[inline(never)]
     pub fn is_owed(&mut self, frame: &[u8]) -> bool {
         match *frame {
@@ -179,7 +185,7 @@ impl Debts {
             return false;
         }
         match self.find(unit, function) {
-            Some(debt) if debt.count > rest => debt.count -= 1,
+            Some(late_answer) if late_answer.count > rest => late_answer.count -= 1,
             _ => return false,
         }
         self.is_paused &= self.paused_by != (unit, function);
@@ -187,8 +193,8 @@ impl Debts {
     }
 }
 
-impl Default for Debts {
-    fn default() -> Debts {
-        Debts::new()
+impl Default for LateAnswers {
+    fn default() -> LateAnswers {
+        LateAnswers::new()
     }
 }

@@ -7,12 +7,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 
 use desk::{Desk, Heard, SENDS, TestLine};
-use multidrop_firmware::protocol::exception::Exception;
-use multidrop_firmware::protocol::port_registers::PortRegisters;
-use multidrop_firmware::protocol::registers::{Bank, NoCoils, NoRules};
-use multidrop_firmware::protocol::rtu::Flaws;
-use multidrop_firmware::scan::{Entry, Health, Scan};
-use multidrop_firmware::{ClientConfig, ClientError, ManagedPort, PortConfig};
+use multidrop::poll::{Health, PollEntry, PollList};
+use multidrop::protocol::exception::Exception;
+use multidrop::protocol::port_registers::PortRegisters;
+use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
+use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::{ClientConfig, ClientError, ManagedPort, PortConfig};
 
 const CONFIG: ClientConfig = ClientConfig::new().timeout_ms(40).late_guard_ms(1);
 const DELAY: u64 = 4;
@@ -31,9 +31,9 @@ fn counts(health: Health) -> [u16; 4] {
 
 #[test]
 fn an_error_is_kept_through_good_answers_until_the_next_one() {
-    let scan = Scan::<2, 2>::new([
-        Entry::holding_registers(17, 7, 1).period_ms(PERIOD as u16),
-        Entry::holding_registers(18, 7, 1).period_ms(PERIOD as u16),
+    let scan = PollList::<2, 2>::new([
+        PollEntry::holding_registers(17, 7, 1).period_ms(PERIOD as u16),
+        PollEntry::holding_registers(18, 7, 1).period_ms(PERIOD as u16),
     ]);
     let scan = &scan;
     let round = Rc::new(Cell::new(0_u16));
@@ -47,7 +47,7 @@ fn an_error_is_kept_through_good_answers_until_the_next_one() {
         good(3),
         None,
         good(4),
-        Some(Heard::Damaged(Flaws::CHECK)),
+        Some(Heard::Damaged(ReceiveErrors::CHECK)),
         good(5),
     ];
     let heard = ends.clone();
@@ -62,7 +62,7 @@ fn an_error_is_kept_through_good_answers_until_the_next_one() {
     let client = desk.port.client(CONFIG);
     desk.spawn(async move { scan.run(client).await });
     let refused = Some(ClientError::Exception(Exception::IllegalDataAddress));
-    let damaged = Some(ClientError::Damaged(Flaws::CHECK));
+    let damaged = Some(ClientError::Damaged(ReceiveErrors::CHECK));
     for (last_error, expected, cell) in [
         (None, [1, 0, 0, 0], 1),
         (refused, [1, 0, 1, 0], 1),
@@ -95,7 +95,8 @@ fn an_error_is_kept_through_good_answers_until_the_next_one() {
 
 #[test]
 fn an_entry_is_stale_by_its_last_good_answer() {
-    let scan = Scan::<1, 1>::new([Entry::input_registers(17, 7, 1).period_ms(PERIOD as u16)]);
+    let scan =
+        PollList::<1, 1>::new([PollEntry::input_registers(17, 7, 1).period_ms(PERIOD as u16)]);
     let scan = &scan;
     let mut answers = [true, false, false].into_iter();
     let mut desk = Desk::<1>::new(move |_| match answers.next() {
@@ -119,11 +120,11 @@ fn an_entry_is_stale_by_its_last_good_answer() {
 
 #[test]
 fn each_table_is_read_into_cells_of_its_own() {
-    let scan = Scan::<4, 32>::new([
-        Entry::coils(17, 100, 17),
-        Entry::discrete_inputs(17, 200, 10),
-        Entry::holding_registers(17, 300, 3),
-        Entry::input_registers(17, 400, 2),
+    let scan = PollList::<4, 32>::new([
+        PollEntry::coils(17, 100, 17),
+        PollEntry::discrete_inputs(17, 200, 10),
+        PollEntry::holding_registers(17, 300, 3),
+        PollEntry::input_registers(17, 400, 2),
     ]);
     let scan = &scan;
     let mut desk = Desk::<1>::new(|request| {
@@ -164,7 +165,7 @@ fn each_table_is_read_into_cells_of_its_own() {
 fn counts_stay_at_their_end() {
     type Port = ManagedPort<TestLine, PortRegisters<Bank<1>, NoCoils, NoRules>>;
     const SLAVE: PortConfig = PortConfig::new("RS4");
-    let scan = Scan::<1, 1>::new([Entry::holding_registers(17, 7, 1).period_ms(1)]);
+    let scan = PollList::<1, 1>::new([PollEntry::holding_registers(17, 7, 1).period_ms(1)]);
     let scan = &scan;
     let mut desk = Desk::<1>::new(|_| vec![]);
     // Of a port that is no master nobody may ask, and it is told at once.
@@ -184,7 +185,7 @@ fn counts_stay_at_their_end() {
 /// A list whose task is dropped while it waits for the line leaves its place to others.
 #[test]
 fn a_list_that_is_given_up_does_not_wait_any_more() {
-    let scan = Scan::<1, 1>::new([Entry::holding_registers(17, 7, 1)]);
+    let scan = PollList::<1, 1>::new([PollEntry::holding_registers(17, 7, 1)]);
     let scan = &scan;
     let mut desk = Desk::<1>::new(|request| {
         let answer = vec![request[0], 3, 2, 0, request[0]];
@@ -222,12 +223,12 @@ fn refused<R>(build: impl FnOnce() -> R) -> Option<String> {
 
 #[test]
 fn an_entry_is_what_one_request_can_read() {
-    type Of = fn(u8, u16, u16) -> Entry;
+    type Of = fn(u8, u16, u16) -> PollEntry;
     for (of, limit) in [
-        (Entry::holding_registers as Of, 125),
-        (Entry::input_registers, 125),
-        (Entry::coils, 2000),
-        (Entry::discrete_inputs, 2000),
+        (PollEntry::holding_registers as Of, 125),
+        (PollEntry::input_registers, 125),
+        (PollEntry::coils, 2000),
+        (PollEntry::discrete_inputs, 2000),
     ] {
         for unit in [1, 247] {
             for (first, count) in [
@@ -259,7 +260,7 @@ fn an_entry_is_what_one_request_can_read() {
             );
         }
     }
-    let entry = || Entry::coils(1, 0, 1);
+    let entry = || PollEntry::coils(1, 0, 1);
     assert_eq!(
         refused(|| entry().period_ms(0)).as_deref(),
         Some("period_ms is 0, must be 1..=65535")
@@ -271,17 +272,22 @@ fn an_entry_is_what_one_request_can_read() {
 
 #[test]
 fn there_are_as_many_cells_as_are_read() {
-    let entries = || [Entry::coils(1, 0, 9), Entry::input_registers(1, 0, 2)];
+    let entries = || {
+        [
+            PollEntry::coils(1, 0, 9),
+            PollEntry::input_registers(1, 0, 2),
+        ]
+    };
     let expected = Some("a scan list must have as many cells as its entries read");
-    assert_eq!(refused(|| Scan::<2, 11>::new(entries())), None);
+    assert_eq!(refused(|| PollList::<2, 11>::new(entries())), None);
     assert_eq!(
-        refused(|| Scan::<2, 10>::new(entries())).as_deref(),
+        refused(|| PollList::<2, 10>::new(entries())).as_deref(),
         expected
     );
     assert_eq!(
-        refused(|| Scan::<2, 12>::new(entries())).as_deref(),
+        refused(|| PollList::<2, 12>::new(entries())).as_deref(),
         expected
     );
-    let scan = Scan::<2, 11>::new(entries());
+    let scan = PollList::<2, 11>::new(entries());
     assert_eq!([0, 1].map(|entry| scan.look(entry, <[u16]>::len)), [9, 2]);
 }

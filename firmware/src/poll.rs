@@ -1,21 +1,21 @@
 //! The scan list: what a client reads over and over, each entry with its period, and how each of them does.
 //!
-//! A list is a `static` that the application looks at whenever it likes; [`Scan::run`] is the body of a task. When
+//! A list is a `static` that the application looks at whenever it likes; [`PollList::run`] is the body of a task. When
 //! several entries are due, the one behind the last one read goes first, and each is read once before any of
 //! them again: a fast one does not keep a slow one from its turn. Periods that pass while an entry waits are left
 //! out: it is read once, and next a period later. An entry whose unit still owes an answer
 //! [of its kind](crate::client) lets the next one go first.
 //!
 //! ```
-//! use multidrop_firmware::scan::{Entry, Scan};
-//! use multidrop_firmware::{Client, Line};
+//! use multidrop::poll::{PollEntry, PollList};
+//! use multidrop::{Client, Line};
 //!
 //! /// Two blocks, of six cells.
-//! type List = Scan<2, 6>;
+//! type List = PollList<2, 6>;
 //!
-//! const LIST: List = Scan::new([
-//!     Entry::holding_registers(17, 100, 4).period_ms(250), // cells 0 to 3
-//!     Entry::input_registers(18, 0, 2).period_ms(1000),  // cells 4 and 5
+//! const LIST: List = PollList::new([
+//!     PollEntry::holding_registers(17, 100, 4).period_ms(250), // cells 0 to 3
+//!     PollEntry::input_registers(18, 0, 2).period_ms(1000),  // cells 4 and 5
 //! ]);
 //!
 //! /// The body of a task.
@@ -40,7 +40,7 @@ use crate::line::Line;
 
 /// One block that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Entry {
+pub struct PollEntry {
     unit: u8,
     function: u8,
     first: u16,
@@ -51,7 +51,7 @@ pub struct Entry {
 /// A time in ticks of `embassy-time`, 32 bits that wrap.
 type Ticks = u32;
 
-impl Entry {
+impl PollEntry {
     /// Function 03: `count` holding registers of `unit` from `first` on, 1..=125, every second.
     ///
     /// # Panics
@@ -168,18 +168,18 @@ impl Health {
 }
 
 /// `E` entries, and `C` cells for what they read: the first entry has the first cells.
-pub struct Scan<const E: usize, const C: usize> {
-    entries: [Entry; E],
+pub struct PollList<const E: usize, const C: usize> {
+    entries: [PollEntry; E],
     cells: RefCell<[u16; C]>,
     health: [Cell<Health>; E],
 }
 
-impl<const E: usize, const C: usize> Scan<E, C> {
+impl<const E: usize, const C: usize> PollList<E, C> {
     /// A list that nothing has been read of: all cells are 0.
     ///
     /// # Panics
     /// Unless there are as many cells as the entries read; in a `const` that is a build error.
-    pub const fn new(entries: [Entry; E]) -> Self {
+    pub const fn new(entries: [PollEntry; E]) -> Self {
         const { assert!(E > 0, "a scan list must have an entry") };
         let mut cells = 0;
         let mut index = 0;
@@ -237,7 +237,7 @@ impl<const E: usize, const C: usize> Scan<E, C> {
                 continue;
             }
             let turn = client.turn(parked.take()).await;
-            let owed = |of: &Entry| match &turn {
+            let owed = |of: &PollEntry| match &turn {
                 Ok(_) => client.parked(of.unit, of.function),
                 Err(_) => None,
             };
@@ -267,7 +267,7 @@ impl<const E: usize, const C: usize> Scan<E, C> {
         &self,
         due: &[Ticks; E],
         entry: &mut usize,
-        owed: impl Fn(&Entry) -> Option<Ticks>,
+        owed: impl Fn(&PollEntry) -> Option<Ticks>,
     ) -> Result<(), Ticks> {
         let now = now();
         let mut soonest = u32::MAX;
@@ -291,7 +291,7 @@ impl<const E: usize, const C: usize> Scan<E, C> {
         client: &Client<L, N>,
         turn: Turn<N>,
     ) -> Result<(), ClientError> {
-        let Entry {
+        let PollEntry {
             unit,
             function,
             first,

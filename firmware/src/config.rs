@@ -2,11 +2,11 @@
 
 use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::message::Message;
-use multidrop_protocol::port_registers::{Duplex, Flow, LineSettings, Mode, PortSettings};
+use multidrop_protocol::port_registers::{Duplex, Flow, Mode, PortSettings};
 use multidrop_protocol::registers::{Bank, CoilBank};
 
 use crate::client::ClientConfig;
-use crate::line::{InterCharacter, LineConfig, Role};
+use crate::line::{InterCharacter, LineConfig};
 
 /// Configuration of one port, built in a `const`: a wrong value stops the build with a message that
 /// names port, field and value. Fields are named after the registers `MB_xxx` of a
@@ -321,7 +321,7 @@ impl PortConfig {
 
     /// The line settings.
     pub const fn line(&self) -> LineConfig {
-        line_config(self.settings.mode, &self.settings.line)
+        LineConfig::of(self.settings.mode, &self.settings.line)
     }
 
     /// How long the port's client waits, and how often it tries.
@@ -345,24 +345,6 @@ impl PortConfig {
             Some(nearest) => message.text(", nearest is ").number(nearest).fail(),
             None => message.fail(),
         }
-    }
-}
-
-/// What a line has to be set up to for these settings.
-pub(crate) const fn line_config(mode: Mode, line: &LineSettings) -> LineConfig {
-    LineConfig {
-        baud: line.baud,
-        framing: line.framing,
-        format: line.format,
-        inter_character: line.inter_character,
-        flow: line.flow,
-        role: match mode {
-            Mode::Master => Role::Client,
-            Mode::Slave | Mode::Sniffer | Mode::Off => Role::Server,
-        },
-        cts_timeout_ms: line.cts_timeout_ms,
-        de_lead_us: line.de_lead_us,
-        response_delay_ms: line.response_delay_ms,
     }
 }
 

@@ -3,7 +3,9 @@
 //! All of it is `const` and in `u32`: a fixed port costs nothing at run time, and a port that is configured at run time costs
 //! one 32-bit division per value. For no value to overflow, `tick_hz` is at most [`TICK_HZ_MAX`].
 
-use crate::format::LineFormat;
+use crate::format::{Framing, LineFormat};
+use crate::line::{LineConfig, Role};
+use crate::port_registers::InterCharacter;
 
 /// The fastest timer these functions can count in: 55 MHz, where 3.5 characters of 11 bits just fit in 32 bits.
 pub const TICK_HZ_MAX: u32 = 55_000_000;
@@ -60,6 +62,105 @@ const fn half_characters(halves: u32, format: LineFormat, baud: u32, tick_hz: u3
     } else {
         (halves * format.character_bits() as u32 * tick_hz).div_ceil(2 * baud)
     }
+}
+
+/// How a chip's receiver and its interrupts see the end of a character.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sight {
+    /// Ticks per second of the timer that measures silence: at most [`TICK_HZ_MAX`].
+    pub tick_hz: u32,
+    /// The most that is left of a character when its interrupt comes, in sixteenths of a bit: 0..=48. It is added, rounded up, so
+    /// that no interval is cut short.
+    pub rest: u32,
+    /// Ticks that pass at the least, in two interrupts together, before the timer is read for a character and before start bits
+    /// are looked at for an alarm. They are taken off.
+    pub latency: u32,
+    /// A client judges a frame this part of the time from t1.5 to t3.5 before t3.5: 2 for half of it. In that time it makes its
+    /// next request.
+    pub client_part: u32,
+}
+
+/// The intervals of a line, in ticks of the timer that measures its silence: what
+/// [`Interval`](crate::line::Interval)s are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Intervals {
+    /// From the moment in which a character is taken from the USART to the end of the silence that completes its frame: t1.5,
+    /// or the moment of judgement where gaps over t1.5 are allowed. In ASCII a fortieth of a second.
+    pub to_complete: u32,
+    /// From the judgement of a frame to t3.5.
+    pub to_start: u32,
+    /// One character.
+    pub character: u32,
+    /// t3.5, or the gap that ends a frame in its place, from the moment in which a character is taken.
+    pub t3_5: u32,
+}
+
+impl Intervals {
+    /// Of a line that is not set up yet.
+    pub const NONE: Intervals = Intervals {
+        to_complete: 0,
+        to_start: 0,
+        character: 0,
+        t3_5: 0,
+    };
+
+    /// Those of a line with these settings, whose baud is one that the chip makes.
+    ///
+    /// # Panics
+    /// If `baud` is 0.
+    pub const fn new(config: &LineConfig, sight: &Sight) -> Intervals {
+        let (baud, format, tick_hz) = (config.baud, config.format, sight.tick_hz);
+        let rest = (sight.rest * tick_hz).div_ceil(16 * baud);
+        let mut silence = t3_5(format, baud, tick_hz);
+        if let InterCharacter::Gap(ms) = config.inter_character {
+            let gap = gap(ms, tick_hz);
+            if gap > silence {
+                silence = gap;
+            }
+        }
+        let t1_5 = rest + t1_5(format, baud, tick_hz) - sight.latency;
+        let t3_5 = rest + silence - sight.latency;
+        let to_start = match (config.role, config.inter_character) {
+            (Role::Client, InterCharacter::Strict) => (t3_5 - t1_5) / sight.client_part,
+            _ => margin(silence),
+        };
+        let to_complete = match (config.framing, config.inter_character) {
+            (Framing::Ascii, _) => tick_hz.div_ceil(40),
+            (_, InterCharacter::Strict) => t1_5,
+            (_, InterCharacter::Off | InterCharacter::Gap(_)) => t3_5 - to_start,
+        };
+        Intervals {
+            to_complete,
+            to_start,
+            character: character(format, baud, tick_hz),
+            t3_5,
+        }
+    }
+
+    /// From the moment that completes an RTU frame to its judgement; 0 where they are one.
+    #[inline(always)]
+    pub const fn to_stand(&self) -> u32 {
+        self.t3_5 - self.to_start - self.to_complete
+    }
+}
+
+/// A timer of 16 bits counts a long interval in parts: a [first one](first_part), and [further ones](further_parts) of so many
+/// ticks. A part that is left when another has been counted is never shorter than this, so that there is time to set it.
+pub const PART: u16 = 0x8000;
+
+/// Ticks of the first part: all of an interval that fits into 16 bits, else so many that the rest are whole [`PART`]s.
+pub const fn first_part(ticks: u32) -> u16 {
+    (ticks - further_parts(ticks) as u32 * PART as u32) as u16
+}
+
+/// How many [`PART`]s there are behind the first one.
+pub const fn further_parts(ticks: u32) -> u8 {
+    (ticks / PART as u32).saturating_sub(1) as u8
+}
+
+/// The interval of these parts.
+pub const fn whole(first: u16, further: u8) -> u32 {
+    first as u32 + further as u32 * PART as u32
 }
 
 #[cfg(test)]

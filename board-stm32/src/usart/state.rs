@@ -139,7 +139,8 @@ impl State {
         if settings.rts_cts {
             held_ms += u32::from(settings.cts_timeout_ms);
         }
-        let longest_ms = settings.character / (crate::TICK_HZ / 1000) * u32::from(characters);
+        let longest_ms =
+            settings.intervals.character / (crate::TICK_HZ / 1000) * u32::from(characters);
         self.lent_ms <= longest_ms + u32::from(characters) + held_ms + time_ms + ms
     }
 
@@ -227,7 +228,7 @@ impl Chip {
     /// A character came: the silence behind it begins.
     #[inline(always)]
     fn begin_silence(&mut self) {
-        self.set_alarm(platform::now().wrapping_add(self.settings.to_complete));
+        self.set_alarm(platform::now().wrapping_add(self.settings.intervals.to_complete));
         self.registers.clear_start_bit();
     }
 
@@ -257,7 +258,7 @@ impl Chip {
     #[inline(never)]
     fn await_cts(&mut self) {
         let ticks = u32::from(self.settings.cts_timeout_ms) * (crate::TICK_HZ / 1000);
-        self.bound_left = ticks.saturating_add(2 * self.settings.character);
+        self.bound_left = ticks.saturating_add(2 * self.settings.intervals.character);
         self.alarm_at = platform::now();
         self.set_bound();
     }
@@ -314,20 +315,20 @@ impl Wire for Chip {
     }
 
     fn alarm(&mut self, interval: Interval) -> bool {
-        let settings = &self.settings;
+        let intervals = &self.settings.intervals;
         let ticks = match interval {
-            Interval::ToStand => settings.silence_to_stand(),
-            Interval::ToStandLessCharacter => settings
-                .silence_to_stand()
-                .saturating_sub(settings.character),
-            Interval::ToStart => settings.to_start,
-            Interval::T3_5Then => settings.t3_5,
-            Interval::Character => settings.character,
+            Interval::ToStand => intervals.to_stand(),
+            Interval::ToStandLessCharacter => {
+                intervals.to_stand().saturating_sub(intervals.character)
+            }
+            Interval::ToStart => intervals.to_start,
+            Interval::T3_5Then => intervals.t3_5,
+            Interval::Character => intervals.character,
             Interval::T3_5 => {
-                self.set_alarm(platform::now().wrapping_add(settings.t3_5));
+                self.set_alarm(platform::now().wrapping_add(intervals.t3_5));
                 return true;
             }
-            Interval::Fortieth => settings.to_complete,
+            Interval::Fortieth => intervals.to_complete,
         };
         if ticks > 0 {
             self.set_alarm(self.alarm_at.wrapping_add(ticks));
@@ -376,7 +377,7 @@ impl Wire for Chip {
             return self.await_cts();
         }
         let characters = self.settings.framing.characters(len);
-        self.bound_left = self.settings.character * (u32::from(characters) + 1);
+        self.bound_left = self.settings.intervals.character * (u32::from(characters) + 1);
         self.alarm_at = platform::now();
         self.set_bound();
     }

@@ -53,7 +53,7 @@ use multidrop_protocol::registers::{Items, Rules};
 use multidrop_protocol::server::{Counted, Server, Uncounted};
 
 use crate::client::{Client, ClientConfig, Exchange};
-use crate::config::{PortConfig, client_config, line_config};
+use crate::config::{PortConfig, client_config};
 use crate::line::{Frame, Line, LineConfig, LineError};
 use crate::route::Gateway;
 use crate::shared::Shared;
@@ -217,7 +217,7 @@ where
                     let settings = registers.settings();
                     self.started.set(Some(Started {
                         transaction: registers.transaction(),
-                        line: line_config(Mode::Master, &settings.line),
+                        line: LineConfig::of(Mode::Master, &settings.line),
                         times: client_config(settings),
                     }));
                 }
@@ -232,7 +232,7 @@ where
         if !self.line.may_be(line.duplex) {
             return Err(Reason::Wiring);
         }
-        let config = line_config(mode, line);
+        let config = LineConfig::of(mode, line);
         self.line.check(&config).map_err(|error| match error {
             LineError::Baud { nearest } => Reason::Baud(nearest),
             LineError::Format(_) => Reason::Chip,

@@ -18,7 +18,6 @@ use multidrop_protocol::server::{DataModel, Diagnostics, Plan};
 
 use super::{Failure, ManagedPort, Outcome, Started};
 use crate::client::Client;
-use crate::config::line_config;
 use crate::line::{Adu, Frame, Line, LineConfig};
 use crate::route::Gateway;
 use crate::serve::conclude;
@@ -207,7 +206,7 @@ where
             None => self.registers.with(|registers| {
                 let settings = registers.settings();
                 self.server.set_unit(settings.slave_id);
-                (settings.mode, line_config(settings.mode, &settings.line))
+                (settings.mode, LineConfig::of(settings.mode, &settings.line))
             }),
         }
     }

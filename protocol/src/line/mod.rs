@@ -26,9 +26,11 @@
 //! | sent | begins a frame | t3.5: silent |
 
 pub mod ascii;
+mod config;
 mod wire;
 
 pub use ascii::Ascii;
+pub use config::{LineConfig, LineError, Role};
 pub use wire::{Interval, Wire};
 
 use crate::rtu::{ReceiveErrors, Transmission};

@@ -2,10 +2,10 @@
 
 use core::marker::PhantomData;
 
-use multidrop::line::{InterCharacter, LineConfig, LineError, Role};
+use multidrop::line::{LineConfig, LineError, Role};
 use multidrop::protocol::format::{Framing, LineFormat, Parity};
 use multidrop::protocol::port_registers::Flow;
-use multidrop::protocol::timing;
+use multidrop::protocol::timing::{Intervals, Sight, first_part, further_parts, whole};
 
 use crate::baud::{divisor, slowest};
 use crate::timer1::PRESCALER;
@@ -21,17 +21,13 @@ const LATENCY: u32 = 6;
 /// A client judges a frame half way from t1.5 to t3.5: above 19200 baud it has 500 us to make its next request.
 const JUDGED_EARLY_CLIENT: u32 = 2;
 
-/// An interval that does not fit the timer's 16 bits is counted in parts: a first one, and further ones of so many ticks. A
-/// delay is counted in parts of at most so many.
-pub(crate) const PART: u16 = 0x8000;
-
 /// What a line can be set up for, as a type: what is for ASCII, or for slow lines, is not in an image whose line
 /// has no use for it.
 pub trait Framings: 'static {
     /// Whether ASCII is among them; RTU always is.
     const ASCII: bool;
     /// Whether silences may be longer than Timer1's 65535 ticks, 32.7 ms at 16 MHz: t3.5 below some 1400 baud, gaps of
-    /// [`InterCharacter::Gap`] above 30 ms.
+    /// [`InterCharacter::Gap`](multidrop::line::InterCharacter::Gap) above 30 ms.
     const SLOW: bool = false;
     /// What there is for DE_LEAD and RESPONSE_DELAY: [`Delays`], or `()` for nothing.
     type Delays: Delaying;
@@ -202,20 +198,14 @@ impl<F: Framings> Settings<F> {
                 });
             }
         };
-        let rest_of_stop = {
-            let sixteenths = 16 * (format.stop_bits() as u32 - 1) + 7;
-            (sixteenths * tick_hz).div_ceil(16 * baud)
+        let sight = Sight {
+            tick_hz,
+            rest: 16 * (format.stop_bits() as u32 - 1) + 7,
+            latency: LATENCY,
+            client_part: JUDGED_EARLY_CLIENT,
         };
-        let mut silence = timing::t3_5(format, baud, tick_hz);
-        if let InterCharacter::Gap(ms) = config.inter_character {
-            let gap = timing::gap(ms, tick_hz);
-            if gap > silence {
-                silence = gap;
-            }
-        }
-        let t1_5 = rest_of_stop + timing::t1_5(format, baud, tick_hz) - LATENCY;
-        let t3_5 = rest_of_stop + silence - LATENCY;
-        let character = timing::character(format, baud, tick_hz);
+        let intervals = Intervals::new(config, &sight);
+        let (character, t3_5) = (intervals.character, intervals.t3_5);
         let slowest = slowest(clock_hz, format.character_bits() as u32, is_ascii);
         if baud < slowest {
             return Err(LineError::Baud { nearest: slowest });
@@ -223,14 +213,6 @@ impl<F: Framings> Settings<F> {
         if !F::SLOW && t3_5 + character > u16::MAX as u32 {
             return Err(LineError::Silence);
         }
-        let to_start = match (config.role, config.inter_character) {
-            (Role::Client, InterCharacter::Strict) => (t3_5 - t1_5) / JUDGED_EARLY_CLIENT,
-            _ => timing::margin(silence),
-        };
-        let to_complete = match config.inter_character {
-            InterCharacter::Strict => t1_5,
-            InterCharacter::Off | InterCharacter::Gap(_) => t3_5 - to_start,
-        };
         let given = Delays {
             // 10 ms are 25 000 ticks at 20 MHz, 1 s are 2.5 million.
             lead: (config.de_lead_us as u32 * (tick_hz / 1_000) / 1_000) as u16,
@@ -241,11 +223,8 @@ impl<F: Framings> Settings<F> {
         };
         // SAFETY: `F::Delays` is `Delays`, or of no size.
         let delays = unsafe { Made { given }.wanted };
-        let (to_complete, to_stand) = if is_ascii {
-            (tick_hz.div_ceil(40), t3_5)
-        } else {
-            (to_complete, t3_5 - to_start - to_complete)
-        };
+        let to_complete = intervals.to_complete;
+        let to_stand = if is_ascii { t3_5 } else { intervals.to_stand() };
         Ok(Self {
             ubrr: divisor.ubrr,
             ucsrc: ucsrc(format),
@@ -255,7 +234,7 @@ impl<F: Framings> Settings<F> {
             kept: Kept {
                 ucsra: if divisor.u2x { U2X } else { 0 },
                 to_stand: first_part(to_stand),
-                to_start: to_start as u16,
+                to_start: intervals.to_start as u16,
                 character: character as u16,
                 t3_5: first_part(t3_5),
             },
@@ -291,21 +270,6 @@ impl<F: Framings> Settings<F> {
             t3_5: further_parts(t3_5),
         }
     }
-}
-
-/// Of an interval in ticks: all of it, if it fits; else so much that the rest are whole parts, and no less than one of them.
-const fn first_part(ticks: u32) -> u16 {
-    (ticks - further_parts(ticks) as u32 * PART as u32) as u16
-}
-
-/// At most 9: t3.5 of a character that 65535 ticks count.
-const fn further_parts(ticks: u32) -> u8 {
-    (ticks / PART as u32).saturating_sub(1) as u8
-}
-
-/// An interval again.
-const fn whole(first: u16, further: u8) -> u32 {
-    first as u32 + further as u32 * PART as u32
 }
 
 /// Contents of UCSR0C (DS 20.11.4): parity in bits 5 and 4, stop bits in bit 3, data bits in 2 and 1.

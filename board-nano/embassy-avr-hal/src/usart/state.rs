@@ -10,10 +10,11 @@ use core::ptr::NonNull;
 use multidrop::line::Adu;
 use multidrop::protocol::line::{Ascii, Interval, LineMachine, Wire};
 use multidrop::protocol::rtu::Received;
+use multidrop::protocol::timing::PART;
 
 use super::character::{Hot, set_attention};
 use super::registers::{self, Usart};
-use super::settings::{Delaying, Delays, Framings, Kept, Long, PART, Settings};
+use super::settings::{Delaying, Delays, Framings, Kept, Long, Settings};
 use crate::edge;
 use crate::executor;
 use crate::gpio::DriverEnable;

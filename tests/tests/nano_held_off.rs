@@ -239,6 +239,34 @@ fn an_answer_does_not_go_over_a_character_that_waits() {
     }
 }
 
+/// Interrupts are held off until the alarm that follows an overdue one is just due as well. The character that came meanwhile is
+/// looked at before that alarm.
+#[test]
+fn an_alarm_that_is_just_due_waits_for_a_character() {
+    let two = [words(UNIT, 4, 3, 1), request()].concat();
+    let line = Line::n81(115_200);
+    let mut rig = rig(line);
+    let t3_5 = line.t35();
+    let begins = (8, t3_5 * 98 / 100);
+    // The alarm is due a character after t3.5. The timer counts in ticks of half a microsecond.
+    let heard: Vec<_> = (0..80)
+        .map(|tick| {
+            ask_past(
+                &mut rig,
+                two.clone(),
+                begins,
+                t3_5,
+                Time::from_ns(500) * tick,
+            )
+        })
+        .collect();
+    // Behind some moment the buffer is free too late for the request. There is no gap before.
+    let answered = heard.iter().take_while(|heard| **heard == alive()).count();
+    assert!(answered > 50, "{heard:02x?}");
+    let none = heard[answered..].iter().all(Vec::is_empty);
+    assert!(none, "an answer behind none: {heard:02x?}");
+}
+
 /// Asks, with interrupts off from and to so many tenths of a character after the answer's first start bit. Gives when DE went up and
 /// down, and the answer.
 fn answer_held_in(rig: &mut Rig, from: u64, to: u64) -> (Time, Time, Answer) {

@@ -7,7 +7,6 @@
 //! | D3..D7, D8..D13 | free; the demonstration unit's LEDs |
 #![no_std]
 
-pub mod options;
 pub mod outputs;
 
 use embassy_avr_hal::usart::{Delayed, Framings, RtuAndAscii, RtuOnly, Settings, Slow, Usart0};
@@ -20,6 +19,7 @@ use multidrop::protocol::format::Framing;
 use multidrop::protocol::message::Message;
 use multidrop::protocol::port_registers::Duplex;
 use multidrop::protocol::timing;
+pub use multidrop_apps::options;
 
 /// The CPU clock: the Nano's 16 MHz crystal if not built otherwise.
 pub const CLOCK_HZ: u32 = options::clock(16_000_000);

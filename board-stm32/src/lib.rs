@@ -32,8 +32,6 @@
 // A host runs the arithmetic only.
 #![cfg_attr(not(target_arch = "arm"), allow(dead_code))]
 
-#[path = "../../board-nano/src/options.rs"]
-pub mod options;
 pub mod ports;
 pub mod usart;
 mod watchdog;
@@ -56,6 +54,7 @@ pub use board::{Board, Closed, clock, init, outputs, reset_cause, run};
 #[doc(hidden)]
 pub use board::{wrap_line_timer_in, wrap_time_in};
 pub use multidrop::ResetCause;
+pub use multidrop_apps::options;
 pub use watchdog::Watchdog;
 #[cfg(target_arch = "arm")]
 pub use watchdog::{Dog, Roll};

@@ -12,9 +12,6 @@
 
 pub mod client;
 pub mod config;
-pub mod conformance;
-pub mod demo_unit;
-pub mod faults;
 pub mod line;
 pub mod managed;
 pub mod manager;
@@ -29,7 +26,6 @@ pub mod shared;
 mod slot;
 pub mod sniff;
 pub mod stack;
-pub mod yardstick;
 
 pub use client::{Client, ClientConfig, ClientError, ClientPort, client_receive};
 pub use config::PortConfig;

@@ -43,6 +43,11 @@ impl<L: Line + 'static, D> ServerPort<L, D> {
         }
     }
 
+    /// The line.
+    pub const fn line(&self) -> &L {
+        &self.line
+    }
+
     /// The server: its unit id and counters.
     pub const fn server(&self) -> &Server<D> {
         &self.server

@@ -5,7 +5,7 @@
 //! [fed](Watchdog::feed). A task that does not come back, or one that keeps all others from running, ends at the reset.
 //!
 //! ```
-//! use multidrop::demo_unit::DemoUnit;
+//! use multidrop_apps::demo_unit::DemoUnit;
 //! use multidrop::roll::Watchdog;
 //! use multidrop::{Line, ServerPort, Roll, Shared, signed};
 //!

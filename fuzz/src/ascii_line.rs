@@ -2,11 +2,11 @@
 
 use multidrop_protocol::rtu::ReceiveErrors;
 
-use crate::harness::ascii::{self, framed};
-use crate::harness::book::Book;
-use crate::harness::bus::{SECOND, Settings};
-use crate::harness::script::{Config, Op, frame};
 use crate::input::Input;
+use multidrop_testkit::harness::ascii::{self, framed};
+use multidrop_testkit::harness::book::Book;
+use multidrop_testkit::harness::bus::{SECOND, Settings};
+use multidrop_testkit::harness::script::{Config, Op, frame};
 
 /// More takes time and shows nothing new.
 const OPS_MAX: usize = 24;

@@ -7,7 +7,7 @@ use multidrop_protocol::client::{
 use multidrop_protocol::exception::Exception;
 
 use crate::input::Input;
-use crate::reference_client::{Ask, Verdict};
+use multidrop_testkit::reference_client::{Ask, Verdict};
 
 /// Which request, and to which unit; then what is heard, each a byte that says how it is made of the right answer,
 /// and some for what it is made of.

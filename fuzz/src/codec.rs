@@ -3,7 +3,7 @@
 use multidrop_protocol::Adu;
 use multidrop_protocol::rtu::{self, EncodeError, ReceiveErrors, Reception, Transmission};
 
-use crate::harness::book;
+use multidrop_testkit::harness::book;
 
 /// The input as unit id and PDU to be encoded, and as a frame to be decoded.
 pub fn codec(data: &[u8]) {

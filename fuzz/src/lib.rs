@@ -1,19 +1,10 @@
 //! What the fuzz targets do with their input, apart from libFuzzer, so that the corpus is replayed by any compiler.
 
-#[path = "../../protocol/tests/harness/mod.rs"]
-mod harness;
-/// The standard read line by line, over the conformance map.
-#[path = "../../tests/tests/common/plain/mod.rs"]
-mod plain;
-
 mod ascii_line;
 mod client_answers;
 mod codec;
 mod input;
 mod port_load;
-/// The standard read line by line, for a client.
-#[path = "../../protocol/tests/reference_client/mod.rs"]
-mod reference_client;
 mod rtu_line;
 mod server_pdu;
 

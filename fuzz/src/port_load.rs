@@ -1,6 +1,6 @@
 //! Loads and reads of a port's registers, transactions and their answers.
 
-use crate::harness::ports;
+use multidrop_testkit::harness::ports;
 
 /// The input is the script; see [`ports`].
 pub fn port_load(data: &[u8]) {

@@ -2,10 +2,10 @@
 
 use multidrop_protocol::rtu::ReceiveErrors;
 
-use crate::harness::book::{self, Book};
-use crate::harness::bus::Settings;
-use crate::harness::script::{self, Config, Op, frame};
 use crate::input::Input;
+use multidrop_testkit::harness::book::{self, Book};
+use multidrop_testkit::harness::bus::Settings;
+use multidrop_testkit::harness::script::{self, Config, Op, frame};
 
 /// More takes time and shows nothing new.
 const OPS_MAX: usize = 24;

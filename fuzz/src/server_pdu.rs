@@ -1,14 +1,14 @@
 //! Requests to a server, one after the other, compared with a plain reading of the standard.
 
-use multidrop::conformance::Conformance;
+use multidrop_apps::conformance::Conformance;
 use multidrop_protocol::Adu;
 use multidrop_protocol::rtu::ReceiveErrors;
 use multidrop_protocol::server::{Counted, DataModel, Plan, Server};
 
-use crate::harness::book::Book;
-use crate::harness::memory::{self, Memory};
 use crate::input::Input;
-use crate::plain::{Heard, Plain};
+use multidrop_testkit::harness::book::Book;
+use multidrop_testkit::harness::memory::{self, Memory};
+use multidrop_testkit::plain::{Heard, Plain};
 
 /// A byte that chooses the kind of model; then, for each request, its length and its bytes: unit id and PDU.
 pub fn server_pdu(data: &[u8]) {

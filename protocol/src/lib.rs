@@ -17,6 +17,7 @@
 //! | [`number`] | wider numbers and text across registers |
 //! | [`registers`] | banks of registers and coils for a data model, rules on what may be written |
 //! | [`port_registers`] | the register set of a port, `MB_xxx` |
+//! | [`baud`] | dividers for a baud rate, and how far off they are |
 //! | [`message`] | text of build errors |
 //!
 //! # Sources
@@ -27,6 +28,7 @@
 #![forbid(unsafe_code)]
 
 pub mod ascii;
+pub mod baud;
 pub mod client;
 pub mod crc;
 pub mod data;

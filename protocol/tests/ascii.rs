@@ -1,14 +1,12 @@
 //! ASCII frames whole and character by character. What is expected is text from the standard, or put together by the plain
 //! reading of the harness.
 
-mod harness;
-
-use harness::ascii::framed;
-use harness::random::Random;
 use multidrop_protocol::ascii::{
     self, ADU_MAX, ADU_MIN, DELIMITER, Decoded, Reception, Transmission, decode, encode,
 };
 use multidrop_protocol::rtu::{EncodeError, ReceiveErrors};
+use multidrop_testkit::harness::ascii::framed;
+use multidrop_testkit::harness::random::Random;
 
 const BODY: [u8; 6] = [0x11, 3, 0, 0x6B, 0, 3];
 const TEXT: &[u8] = b":1103006B00037E\r\n";

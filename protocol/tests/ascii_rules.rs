@@ -1,13 +1,11 @@
 //! The rules of an ASCII line one by one, to the tick.
 
-mod harness;
-
-use harness::ascii::{self, framed};
-use harness::book::{self, Book};
-use harness::bus::{SECOND, Settings};
-use harness::judge::Verdict;
-use harness::script::{Config, Op, Sent, frame};
 use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_testkit::harness::ascii::{self, framed};
+use multidrop_testkit::harness::book::{self, Book};
+use multidrop_testkit::harness::bus::{SECOND, Settings};
+use multidrop_testkit::harness::judge::Verdict;
+use multidrop_testkit::harness::script::{Config, Op, Sent, frame};
 
 const CHARACTER: u64 = 100;
 

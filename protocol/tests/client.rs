@@ -1,13 +1,11 @@
 //! Requests and answers of the client: the examples of the standard, byte for byte, and every way to miss them.
 
-mod reference_client;
-
 use multidrop_protocol::client::{
     AnswerError, Encoded, FileRange, GetEventLog, ReadFiles, ReadIdentification, ReportServerId,
     RequestError, encode, judge,
 };
 use multidrop_protocol::exception::Exception;
-use reference_client::Ask;
+use multidrop_testkit::reference_client::{self, Ask};
 
 const UNIT: u8 = 17;
 

@@ -1,12 +1,10 @@
 //! Any request, any answer: what is sent and what is taken is what a plain reading of the standard says.
 
-mod reference_client;
-
 use multidrop_protocol::client::{AnswerError, FileRange, encode, judge};
 use multidrop_protocol::exception::Exception;
+use multidrop_testkit::reference_client::{Ask, Verdict};
 use proptest::collection::vec;
 use proptest::prelude::*;
-use reference_client::{Ask, Verdict};
 
 /// A count at or near a limit, or any.
 fn count(limit: u16) -> impl Strategy<Value = u16> {

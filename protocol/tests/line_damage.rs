@@ -1,10 +1,8 @@
 //! Damaged frames are told, each of them once: counters of the standard hang on it.
 
-mod harness;
-
-use harness::book::framed;
-use harness::bus::{Bus, Char, Settings};
 use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_testkit::harness::book::framed;
+use multidrop_testkit::harness::bus::{Bus, Char, Settings};
 
 const CHARACTER: u64 = 100;
 const T1_5: u64 = 150;

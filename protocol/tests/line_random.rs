@@ -1,11 +1,9 @@
 //! The line against a plain reading of the standard, over scripts made by number. A failure prints the number.
 
-mod harness;
-
-use harness::book::Book;
-use harness::judge::Verdict;
-use harness::random::{self, Random};
-use harness::script::{self, Config, Op};
+use multidrop_testkit::harness::book::Book;
+use multidrop_testkit::harness::judge::Verdict;
+use multidrop_testkit::harness::random::{self, Random};
+use multidrop_testkit::harness::script::{self, Config, Op};
 
 const SCRIPTS: u64 = 4000;
 

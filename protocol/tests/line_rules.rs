@@ -1,12 +1,10 @@
 //! The rules of the line one by one, to the tick.
 
-mod harness;
-
-use harness::book::{self, Book, framed};
-use harness::bus::Settings;
-use harness::judge::Verdict;
-use harness::script::{self, Config, Op, Sent, frame};
 use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_testkit::harness::book::{self, Book, framed};
+use multidrop_testkit::harness::bus::Settings;
+use multidrop_testkit::harness::judge::Verdict;
+use multidrop_testkit::harness::script::{self, Config, Op, Sent, frame};
 
 const CHARACTER: u64 = 100;
 

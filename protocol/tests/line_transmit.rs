@@ -1,10 +1,8 @@
 //! Sending without having been asked: a client's request.
 
-mod harness;
-
-use harness::book::framed;
-use harness::bus::{Bus, Char, Settings};
 use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_testkit::harness::book::framed;
+use multidrop_testkit::harness::bus::{Bus, Char, Settings};
 
 const BODY: [u8; 6] = [5, 3, 0, 0, 0, 1];
 const FRAME: u64 = 800;

@@ -1,8 +1,5 @@
 //! The register set of a port: what each register takes and says, and what its slave serves.
 
-mod harness;
-
-use harness::random::Random;
 use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::port_registers::{
     Change, InterCharacter, LineSettings, PortRegisters, PortSettings, Reason, Register,
@@ -10,6 +7,7 @@ use multidrop_protocol::port_registers::{
 use multidrop_protocol::registers::{Bank, CoilBank, NoCoils, NoRules, ScanList, SparseBank};
 use multidrop_protocol::rules;
 use multidrop_protocol::server::Server;
+use multidrop_testkit::harness::random::Random;
 
 type Plain = PortRegisters<Bank<10>, CoilBank<1>, NoRules>;
 
@@ -36,7 +34,7 @@ fn random_scripts_agree_with_the_plain_reading() {
     for seed in 0..400 {
         let mut random = Random::new(seed);
         let script: Vec<u8> = (0..random.below(600)).map(|_| random.byte()).collect();
-        let judged = std::panic::catch_unwind(|| harness::ports::run(&script));
+        let judged = std::panic::catch_unwind(|| multidrop_testkit::harness::ports::run(&script));
         assert!(judged.is_ok(), "seed {seed}");
     }
 }

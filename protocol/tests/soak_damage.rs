@@ -3,13 +3,11 @@
 //! What was on the wire is judged by the plain reading of the standard in the harness, and the model is compared after each
 //! batch: what it holds is what the good frames, and no other, have written.
 
-mod harness;
-
-use harness::book::{self, Book, UNIT};
-use harness::bus::Settings;
-use harness::random::{self, Random};
-use harness::script::{self, Config, Op, Sent};
 use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_testkit::harness::book::{self, Book, UNIT};
+use multidrop_testkit::harness::bus::Settings;
+use multidrop_testkit::harness::random::{self, Random};
+use multidrop_testkit::harness::script::{self, Config, Op, Sent};
 
 const REQUESTS: u64 = 100_000;
 const BATCH: u64 = 100;

@@ -1,13 +1,10 @@
 //! The Nano's image behind its boot loaders, which have the reset flags, the watchdog and r2 before it (`avr/boot.S`).
 
-mod common;
-mod support;
-
 use std::path::Path;
 
-use common::frames::{data, words};
-use common::{LINE, image};
 use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Nano, NodeId, Time};
+use multidrop_testkit::frames::{data, words};
+use multidrop_testkit::{LINE, image};
 
 /// The boot sections, of 2 KB and of 512 bytes.
 const OLD: (u32, u16) = (0, 0x7800);
@@ -35,7 +32,7 @@ impl Desk {
     fn new(loader: (u32, u16), image: &Path, seed: u64) -> Self {
         let (kind, section) = loader;
         let symbols = [("KIND", kind), ("BOOT", u32::from(section))];
-        let loader = support::assemble("boot", &symbols);
+        let loader = multidrop_testkit::assembler::assemble("boot", &symbols);
         let mut bus = Bus::new(BusConfig::default());
         let nano = Nano {
             boot_loader: Some((loader, section)),

@@ -1,7 +1,7 @@
 //! `flash --programmer --fuses` with avrdude itself, and with a programmer that is made up for here: it speaks version 1 of the
 //! STK500's protocol (Atmel AVR061), as an Arduino with the sketch ArduinoISP does, and has an ATmega328P behind it.
 
-mod places;
+use multidrop_testkit::places;
 mod sims;
 
 use std::fs::File;
@@ -177,7 +177,7 @@ fn avrdude_sets_the_fuses_and_writes_the_image() {
         let folder = Sim::folder();
         let mut command = Command::new(places::xtask());
         sims::settle(&mut command, &folder);
-        command.env("CARGO_MANIFEST_DIR", places::package());
+        command.env("CARGO_MANIFEST_DIR", places::root());
         command.args(["flash", "nano", "registers", "--fuses", "--yes"]);
         command.args(["--programmer", "stk500v1", "--port", &port]);
         let output = command.stdin(Stdio::null()).output().expect("it runs");

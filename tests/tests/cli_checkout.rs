@@ -1,7 +1,7 @@
 //! Which checkout the commands work on: the one they are called in, wherever they were built. A checkout that is copied with
 //! its target folder has programs that were built in another one.
 
-mod places;
+use multidrop_testkit::places;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,7 @@ fn assert_built_the_copy(output: &Output) {
 fn the_commands_work_on_the_checkout_they_are_called_in() {
     let xtask = places::xtask();
     let (_folder, root) = broken_checkout();
-    let here = places::package();
+    let here = places::root();
     for current in [root.clone(), root.join("protocol/src")] {
         assert_built_the_copy(&build(&xtask, &current, None));
         // What called the command may have been run by the cargo of another checkout.
@@ -112,6 +112,8 @@ fn no_source_takes_a_folder_from_its_compilation() {
     for package in [
         "protocol",
         "firmware",
+        "apps",
+        "sim",
         "tests",
         "xtask",
         "host-bench",

@@ -1,7 +1,6 @@
 //! `flash`, with a stand-in for avrdude that keeps the fuses of a chip and logs how it was called.
 
-mod common;
-mod places;
+use multidrop_testkit::places;
 mod sims;
 
 use std::fs;
@@ -10,7 +9,7 @@ use std::os::unix::fs::{PermissionsExt, chown};
 use std::os::unix::process::CommandExt;
 use std::process::{Command, Output, Stdio};
 
-use common::image;
+use multidrop_testkit::image;
 use nix::fcntl::OFlag;
 use nix::pty::{grantpt, posix_openpt, ptsname_r, unlockpt};
 use nix::unistd::geteuid;
@@ -57,7 +56,7 @@ fn flash(chip: &TempDir, words: &str) -> Command {
     let mut command = Command::new(places::xtask());
     sims::settle(&mut command, chip);
     command
-        .env("CARGO_MANIFEST_DIR", places::package())
+        .env("CARGO_MANIFEST_DIR", places::root())
         .args(["flash", "nano", "registers"])
         .args(words.split_whitespace())
         .stdin(Stdio::null());
@@ -265,7 +264,7 @@ fn options_that_an_stm32_does_not_have_are_refused_by_name() {
     for words in ["--port /dev/ttyACM0", "--programmer usbasp", "--fuses"] {
         let mut command = Command::new(places::xtask());
         sims::settle(&mut command, &chip);
-        command.env("CARGO_MANIFEST_DIR", places::package());
+        command.env("CARGO_MANIFEST_DIR", places::root());
         command.args(["flash", "stm32", "registers"]);
         let output = command.args(words.split_whitespace()).output();
         let name = words.split_whitespace().next().expect("an option");

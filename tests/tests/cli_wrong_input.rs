@@ -1,7 +1,7 @@
 //! What a user gets for a wrong word or value: a message that names it and what would be right,
 //! exit code 2, and nothing built, written or left behind.
 
-mod places;
+use multidrop_testkit::places;
 
 use std::fs;
 use std::path::PathBuf;

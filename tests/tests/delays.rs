@@ -1,11 +1,9 @@
 //! DE_LEAD and RESPONSE_DELAY on both boards: an answer starts when the delay behind t3.5 is over, with DE up for as long as it is to
 //! be before.
 
-mod common;
-
-use common::frames::adu;
-use common::{LINE, Rig, Runner, example, stm32_example};
 use multidrop_bus::{Time, Tx};
+use multidrop_testkit::frames::adu;
+use multidrop_testkit::{LINE, Rig, Runner, example, stm32_example};
 
 /// What the examples `delays` send back.
 const FRAME: [u8; 3] = [7, 1, 2];

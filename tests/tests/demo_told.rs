@@ -1,14 +1,13 @@
 //! The demonstration: that it comes to its end, that a pipe gets plain text, that a step which goes
 //! wrong is not told as if it went right, and that the bus it keeps up is a bus.
 
-mod common;
-mod places;
+use multidrop_testkit::places;
 
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Output, Stdio};
 
-use common::image;
+use multidrop_testkit::image;
 use tempfile::TempDir;
 
 const ESCAPE: char = '\u{1b}';

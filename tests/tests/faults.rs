@@ -1,13 +1,11 @@
 //! A unit that fails in the middle of its answer lets go of the bus: its neighbours are heard, and it answers again.
 
-mod common;
-
 use std::path::Path;
 
-use common::conforms::Board;
-use common::frames::{data, words};
-use common::{LINE, Runner, faults, image, on_both};
 use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Line, Station, Stm32, Time, WireId};
+use multidrop_testkit::conforms::Board;
+use multidrop_testkit::frames::{data, words};
+use multidrop_testkit::{LINE, Runner, faults, image, on_both};
 
 on_both! {
     the_stm32_lets_go_of_the_bus_when_it_faults,
@@ -16,7 +14,7 @@ on_both! {
     the_stm32_starts_anew_when_its_stack_is_used_up,
 }
 
-/// How the unit fails, as `multidrop::faults` numbers it.
+/// How the unit fails, as `multidrop_apps::faults` numbers it.
 #[derive(Clone, Copy, Debug)]
 enum Failure {
     Panic = 1,

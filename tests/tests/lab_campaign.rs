@@ -1,17 +1,14 @@
 //! Everything that goes wrong on a bus with three nodes, drawn by a seed: nodes that are not meant do
 //! not notice, none holds the bus, nothing is done by halves, and the next good request is answered.
 
-mod common;
-mod lab_common;
-
-use common::frames::{adu, words};
-use common::model::Model;
-use common::{DE_LAG, LINE, image, registers};
-use lab_common::{everything, request};
 use multidrop_bus::{
     Bus, BusConfig, Campaign, Fault, HostId, HostPort, Nano, NodeId, RxByte, Station, Time,
     received,
 };
+use multidrop_testkit::frames::{adu, words};
+use multidrop_testkit::model::Model;
+use multidrop_testkit::traffic::{everything, request};
+use multidrop_testkit::{DE_LAG, LINE, image, registers};
 
 /// Faults under each seed.
 const FAULTS: usize = 6;

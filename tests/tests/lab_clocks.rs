@@ -1,12 +1,9 @@
 //! Nodes whose crystals are off: nothing is lost. Where it begins to fail is measured by `bench`.
 
-mod common;
-mod lab_common;
-
-use common::model::Model;
-use common::registers;
-use lab_common::{everything, request};
 use multidrop_bus::{Bus, BusConfig, Campaign, HostPort, Line, Nano, Time};
+use multidrop_testkit::model::Model;
+use multidrop_testkit::registers;
+use multidrop_testkit::traffic::{everything, request};
 
 const COUNT: u16 = 128;
 /// Longest time from the end of a request to an answer.

@@ -1,14 +1,11 @@
 //! Thousands of requests of which one byte in a hundred is damaged: what a receiver by the book takes
 //! from the line decides what may be answered and changed, and nothing else may.
 
-mod common;
-mod lab_common;
-
-use common::frames::{adu, data, words};
-use common::model::Model;
-use common::{LINE, Rig};
-use lab_common::{everything, request};
 use multidrop_bus::{Campaign, Damage, Format, Line, Tx, received};
+use multidrop_testkit::frames::{adu, data, words};
+use multidrop_testkit::model::Model;
+use multidrop_testkit::traffic::{everything, request};
+use multidrop_testkit::{LINE, Rig};
 
 const COUNT: u16 = 16;
 const REQUESTS: usize = 2_500;

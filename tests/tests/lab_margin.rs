@@ -1,11 +1,9 @@
 //! Two clocks, and frames that are exactly t3.5 apart by the client's: what begins a little early by the unit's is a frame of
 //! its own, on both boards.
 
-mod common;
-
-use common::pair::Pair;
-use common::{Runner, on_both};
 use multidrop_bus::Line;
+use multidrop_testkit::pair::Pair;
+use multidrop_testkit::{Runner, on_both};
 
 on_both! {
     an_stm32_loses_nothing_back_to_back_where_both_clocks_are_1_percent_off,

@@ -1,18 +1,17 @@
 //! The record as text and as a wave form, read back by readers that share nothing with what wrote
 //! it: sigrok's UART and Modbus decoders, and a VCD parser.
 
-mod common;
-mod places;
+use multidrop_testkit::places;
 
 use std::fs::File;
 use std::path::Path;
 use std::process::Command;
 
-use common::frames::{adu, be, block, data, words};
-use common::{LINE, Rig, registers};
 use multidrop_bus::{
     Bus, BusConfig, Frame, Framing, HostPort, Level, Nano, Pin, Time, Tx, framed, frames,
 };
+use multidrop_testkit::frames::{adu, be, block, data, words};
+use multidrop_testkit::{LINE, Rig, registers};
 
 /// sigrok takes a sample for every so many nanoseconds here.
 const SAMPLE_NS: u64 = 100;

@@ -1,19 +1,18 @@
 //! A long record of all functions, read by sigrok's Modbus decoder: it must find in each frame what we find.
 
-mod common;
-mod places;
+use multidrop_testkit::places;
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 use std::process::Command;
 
-use common::conforms::Board;
-use common::plain::requests::Requests;
-use common::plain::wire::{Flaw, Way};
-use common::random::Random;
-use common::{Rig, conformance};
 use multidrop_bus::{Frame, Line, Time, Tx, frames};
+use multidrop_testkit::conforms::Board;
+use multidrop_testkit::plain::requests::Requests;
+use multidrop_testkit::plain::wire::{Flaw, Way};
+use multidrop_testkit::random::Random;
+use multidrop_testkit::{Rig, conformance};
 
 /// Frames take less time, and sigrok less samples.
 const LINE: Line = Line::n81(115_200);

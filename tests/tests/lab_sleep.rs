@@ -2,10 +2,8 @@
 //! asleep. The example `edges` of the HAL changes PB1 for every pin-change interrupt of PB0, through
 //! a task that the interrupt wakes.
 
-mod common;
-
-use common::example;
 use multidrop_bus::{Bus, BusConfig, Nano, NodeId, Pin, Time};
+use multidrop_testkit::example;
 
 /// PCINT0 (DS40002061B, 12.1).
 const PCINT0: usize = 3;

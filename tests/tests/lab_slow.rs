@@ -1,12 +1,10 @@
 //! Slow lines, whose silences are longer than a timer counts in one go, where the client's clock and the unit's differ: t1.5 and
 //! t3.5 are right by the unit's clock, and nothing is lost.
 
-mod common;
-
-use common::Runner;
-use common::frames::words;
-use common::pair::{Pair, by_clock};
 use multidrop_bus::{Format, Line, Station, Time, Tx};
+use multidrop_testkit::Runner;
+use multidrop_testkit::frames::words;
+use multidrop_testkit::pair::{Pair, by_clock};
 
 /// In parts per million: client and unit.
 const APART: [(i32, i32); 4] = [

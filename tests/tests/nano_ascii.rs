@@ -1,9 +1,7 @@
 //! ASCII on the line, with the HAL's example `ascii_line`, which sends frames back: what is sent and expected here is text.
 
-mod common;
-
-use common::{Rig, Rules, assert_bus_rules, example, frames};
 use multidrop_bus::{Bus, BusConfig, Format, HostId, HostPort, Line, Nano, Time, Tx};
+use multidrop_testkit::{Rig, Rules, assert_bus_rules, example, frames};
 
 /// As the example starts.
 const START: Line = Line {

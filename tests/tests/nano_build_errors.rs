@@ -2,7 +2,7 @@
 //!
 //! Each case is an example of a package that is written for the purpose; one run of the firmware's cargo checks them all.
 
-mod places;
+use multidrop_testkit::places;
 
 use std::fs;
 use std::path::Path;

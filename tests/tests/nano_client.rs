@@ -1,13 +1,11 @@
 //! The client on the Nano: every function against the conformance image, and how soon it asks again.
 
-mod common;
-
-use common::frames::words;
-use common::{LINE, Rules, assert_bus_rules, example, image};
 use multidrop_bus::{
     Bus, BusConfig, Framing, HostId, HostPort, Level, Line, Nano, NodeId, Pin, Station, Time,
     framed,
 };
+use multidrop_testkit::frames::words;
+use multidrop_testkit::{LINE, Rules, assert_bus_rules, example, image};
 
 /// A bus with a client, its server, and a host that listens.
 fn pair(client: &str, server: &str) -> (Bus, NodeId, HostId) {

@@ -1,10 +1,8 @@
 //! The line at other CPU clocks than the Nano's: 8, 11.0592 and 20 MHz, from the slowest rate that Timer1 counts to the
 //! fastest one that each takes, which is a sixteenth of the clock.
 
-mod common;
-
-use common::{Rig, assert_bus_rules, frames, image};
 use multidrop_bus::{Bus, BusConfig, Clock, Format, HostPort, Line, Nano, Time, Tx};
+use multidrop_testkit::{Rig, assert_bus_rules, frames, image};
 
 /// Turnaround beyond t3.5 at the most, in microseconds: one bit, or one at 38400 baud where that is
 /// longer.

@@ -1,12 +1,10 @@
 //! Damaged frames are dropped, whatever is wrong with them: no answer, nothing changed, and the next
 //! request is answered. Against the firmware in the simulator.
 
-mod common;
-
-use common::frames::{adu, block, data, words};
-use common::rig::ALIVE;
-use common::{LINE, Rig};
 use multidrop_bus::{Format, Line, Time, Tx};
+use multidrop_testkit::frames::{adu, block, data, words};
+use multidrop_testkit::rig::ALIVE;
+use multidrop_testkit::{LINE, Rig};
 
 const COUNT: u16 = 16;
 

@@ -1,10 +1,8 @@
 //! Edges on port D that tasks wait for, beside a server on the bus: neither loses anything by the other.
 
-mod common;
-
-use common::frames::{block, data, words};
-use common::{Rig, Rules, assert_bus_rules, example_at};
 use multidrop_bus::{Line, Nano, Pin, Time, Tx};
+use multidrop_testkit::frames::{block, data, words};
+use multidrop_testkit::{Rig, Rules, assert_bus_rules, example_at};
 
 /// The example `port_d`, at this rate.
 fn rig(baud: u32) -> Rig {

@@ -1,9 +1,7 @@
 //! The HAL's EEPROM driver in the simulator: the ends of the memory, power cuts, wear, and interrupts at any cycle.
 
-mod common;
-
-use common::example;
 use multidrop_bus::{Bus, BusConfig, Nano, NodeId, Pin, Time};
+use multidrop_testkit::example;
 
 /// Bytes of EEPROM.
 const SIZE: u16 = 1024;

@@ -1,11 +1,9 @@
 //! Faults that other stacks have or had, as regression tests against the firmware in the simulator.
 
-mod common;
-
-use common::frames::{adu, be, block, claimed, data, exception, words};
-use common::rig::ALIVE;
-use common::{DE_LAG, Rig, lines, registers};
 use multidrop_bus::{Bus, BusConfig, HostPort, Line, Station, Time, Tx};
+use multidrop_testkit::frames::{adu, be, block, claimed, data, exception, words};
+use multidrop_testkit::rig::ALIVE;
+use multidrop_testkit::{DE_LAG, Rig, lines, registers};
 
 /// What a neighbour, unit 2, may answer: every function of the standard, and data that looks like
 /// requests to us.
@@ -84,10 +82,10 @@ fn fault_1_answers_of_neighbours_do_not_desynchronise() {
 #[test]
 fn fault_1_answers_of_a_real_neighbour() {
     let images = [
-        registers(16, common::LINE),
-        common::image("demo-unit", &["--unit", "2"]),
+        registers(16, multidrop_testkit::LINE),
+        multidrop_testkit::image("demo-unit", &["--unit", "2"]),
     ];
-    let mut rig = Rig::with(&[&images[0], &images[1]], common::LINE);
+    let mut rig = Rig::with(&[&images[0], &images[1]], multidrop_testkit::LINE);
     for round in 0..8u16 {
         let write = words(2, 6, 0, 0x0101 * round);
         rig.expect(&write, &write);

@@ -1,12 +1,10 @@
 //! Silence makes frames: t1.5 and t3.5 at their edges, at four baud rates and two formats, against the
 //! firmware in the simulator.
 
-mod common;
-
-use common::frames::{block, data, exception, words};
-use common::rig::ALIVE;
-use common::{Rig, lines};
 use multidrop_bus::{Bus, Line, Time, Tx};
+use multidrop_testkit::frames::{block, data, exception, words};
+use multidrop_testkit::rig::ALIVE;
+use multidrop_testkit::{Rig, lines};
 
 /// Runs `test` with a node of 16 items for each line.
 fn on_each_line(test: impl Fn(&mut Rig)) {

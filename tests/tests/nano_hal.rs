@@ -1,9 +1,7 @@
 //! The HAL's examples in the simulator: time without drift, EEPROM, sleep.
 
-mod common;
-
-use common::example;
 use multidrop_bus::{Bus, BusConfig, Nano, NodeId, Pin, Time};
+use multidrop_testkit::example;
 
 /// A node that runs an example, with nothing else on the bus.
 fn alone(name: &str, watch: &[Pin]) -> (Bus, NodeId) {

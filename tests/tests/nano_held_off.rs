@@ -1,11 +1,9 @@
 //! Interrupts of the Nano that have to wait, with the HAL's example `held_off`: characters that are lost by it are counted, and what
 //! is not lost is in time.
 
-mod common;
-
-use common::frames::{adu, data, words};
-use common::{LINE, Rig, example_at};
 use multidrop_bus::{Answer, Line, Nano, NodeId, Pin, Time, Tx};
+use multidrop_testkit::frames::{adu, data, words};
+use multidrop_testkit::{LINE, Rig, example_at};
 
 /// The unit id of the example.
 const UNIT: u8 = 17;

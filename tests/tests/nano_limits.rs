@@ -1,10 +1,8 @@
 //! Every limit of the eight functions at its edge and one past it, against the firmware in the
 //! simulator. After each refusal the tables are read: a refused request changes nothing.
 
-mod common;
-
-use common::Rig;
-use common::frames::{adu, be, block, claimed, data, exception, words};
+use multidrop_testkit::Rig;
+use multidrop_testkit::frames::{adu, be, block, claimed, data, exception, words};
 
 /// Items in each table.
 const COUNT: u16 = 128;

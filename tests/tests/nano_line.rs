@@ -1,11 +1,9 @@
 //! The line by itself: sent frames, and settings changed at run time, with the HAL's example `line`.
 
-mod common;
-
-use common::{Rules, assert_bus_rules, example, frames};
 use multidrop_bus::{
     Answer, Bus, BusConfig, Format, HostId, HostPort, Line, Nano, NodeId, Time, Tx,
 };
+use multidrop_testkit::{Rules, assert_bus_rules, example, frames};
 
 const START: Line = Line::n81(38_400);
 /// The first of [`FORMATS`]: RTU needs eight data bits.

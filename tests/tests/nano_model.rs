@@ -1,9 +1,7 @@
 //! The image `conformance` in the simulator against the plain model of its unit: random requests of all functions and damaged
 //! frames on the wire, and each time the same answer. All tables, counters and the log are read back again and again.
 
-mod common;
-
-use common::conforms::{Board, at_115200, in_ascii, with_parity};
+use multidrop_testkit::conforms::{Board, at_115200, in_ascii, with_parity};
 
 #[test]
 fn random_requests_at_115200() {

@@ -1,14 +1,12 @@
 //! A managed port in the simulator, the HAL's example `modes`: master and slave, RTU and ASCII, two bauds, switched by pins
 //! under traffic. Whatever is switched when, the node puts whole frames on the bus and nothing else.
 
-mod common;
-
-use common::random::Random;
-use common::{example, frames};
 use multidrop_bus::{
     Bus, BusConfig, Format, HostId, HostPort, Level, Line, Nano, NodeId, Pin, Record, Station,
     Time, WireByte,
 };
+use multidrop_testkit::random::Random;
+use multidrop_testkit::{example, frames};
 
 /// What the pins say.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,12 +1,10 @@
 //! Reset and power cut of a node at every byte of a request and of an answer: the bus is let go at
 //! once, the others do not notice, and the node answers again after its restart.
 
-mod common;
-
-use common::frames::{data, words};
-use common::random::Random;
-use common::{LINE, Rig};
 use multidrop_bus::{NodeId, Station, Time};
+use multidrop_testkit::frames::{data, words};
+use multidrop_testkit::random::Random;
+use multidrop_testkit::{LINE, Rig};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cut {

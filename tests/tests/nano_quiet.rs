@@ -1,18 +1,16 @@
 //! A node drives the bus for answers and for nothing else, boot and reset included, and sleeps when
 //! it has nothing to do.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::frames::{adu, words};
-use common::random::Random;
-use common::{LINE, Rig, image, registers};
 use multidrop_bus::{Bus, BusConfig, Level, Line, Nano, Pin, Time, Tx};
+use multidrop_testkit::frames::{adu, words};
+use multidrop_testkit::random::Random;
+use multidrop_testkit::{LINE, Rig, image, registers};
 
 fn images() -> [PathBuf; 3] {
     [
-        registers(128, common::LINE),
+        registers(128, multidrop_testkit::LINE),
         image("demo-unit", &[]),
         registers(16, Line::n81(115_200)),
     ]
@@ -130,9 +128,15 @@ fn noise_on_an_idle_bus_is_not_answered() {
 #[test]
 fn an_idle_node_sleeps_and_is_not_woken_by_what_it_does_not_need() {
     for (image, line) in [
-        (registers(16, common::LINE), common::LINE),
-        (registers(128, common::LINE), common::LINE),
-        (image("demo-unit", &[]), common::LINE),
+        (
+            registers(16, multidrop_testkit::LINE),
+            multidrop_testkit::LINE,
+        ),
+        (
+            registers(128, multidrop_testkit::LINE),
+            multidrop_testkit::LINE,
+        ),
+        (image("demo-unit", &[]), multidrop_testkit::LINE),
         (registers(16, Line::n81(115_200)), Line::n81(115_200)),
     ] {
         let mut rig = Rig::with(&[&image], line);

@@ -1,13 +1,11 @@
 //! `relay-panel` on the bus, its server a plain model on a host: what is sent, shown, and done about every fault.
 
-mod common;
-
-use common::frames::{adu, data, exception, words};
-use common::{LINE, Rules, assert_bus_rules, image};
 use multidrop_bus::{
     Bus, BusConfig, Frame, Framing, HostId, HostPort, Level, Nano, NodeId, Pin, Station, Time, Tx,
     framed,
 };
+use multidrop_testkit::frames::{adu, data, exception, words};
+use multidrop_testkit::{LINE, Rules, assert_bus_rules, image};
 
 const BUTTONS: [Pin; 2] = [Pin::D3, Pin::D4];
 const LEDS: [Pin; 2] = [Pin::D5, Pin::D6];

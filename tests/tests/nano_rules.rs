@@ -1,9 +1,7 @@
 //! What rules cost on the Nano: cycles and RAM of the HAL's example `rules`.
 
-mod common;
-
-use common::example;
 use multidrop_bus::{Bus, BusConfig, Level, Nano, Pin, Time};
+use multidrop_testkit::example;
 
 /// 32 rules may cost a write of 16 registers so much.
 const CYCLES_MAX: u64 = 2_000;

@@ -1,12 +1,10 @@
 //! What a Nano hears and is told while it sends: itself, and settings for what comes after.
 
-mod common;
-
-use common::conforms::Board;
-use common::frames::{adu, block, data, words};
-use common::plain::wire::Way;
-use common::{LINE, Rig, conformance, example};
 use multidrop_bus::{Bus, Format, Line, Nano, Pin, Time, Tx};
+use multidrop_testkit::conforms::Board;
+use multidrop_testkit::frames::{adu, block, data, words};
+use multidrop_testkit::plain::wire::Way;
+use multidrop_testkit::{LINE, Rig, conformance, example};
 
 /// The unit id of `conformance`.
 const UNIT: u8 = 17;

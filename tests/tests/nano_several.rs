@@ -1,12 +1,10 @@
 //! Several nodes on one bus, and long conversations held against a plain model.
 
-mod common;
-
-use common::frames::{adu, block, claimed, data, words};
-use common::model::Model;
-use common::random::Random;
-use common::{LINE, Rig, image, registers};
 use multidrop_bus::{Line, Station};
+use multidrop_testkit::frames::{adu, block, claimed, data, words};
+use multidrop_testkit::model::Model;
+use multidrop_testkit::random::Random;
+use multidrop_testkit::{LINE, Rig, image, registers};
 
 /// Asks, and says which nodes drove the bus meanwhile.
 fn who_answers(rig: &mut Rig, request: &[u8]) -> Vec<usize> {

@@ -1,9 +1,7 @@
 //! `embassy-time` on the Nano: no alarm late or early, whatever turns over meanwhile, and asleep between them.
 
-mod common;
-
-use common::example;
 use multidrop_bus::{Bus, BusConfig, Nano, NodeId, Pin, Time};
+use multidrop_testkit::example;
 
 /// A node that runs an example with pins PB0 to PB4 watched, with nothing else on the bus.
 fn alone(name: &str) -> (Bus, NodeId) {

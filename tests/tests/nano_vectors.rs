@@ -1,10 +1,8 @@
 //! The frames that the standard's examples and the project's documents give, byte for byte, against
 //! the firmware in the simulator.
 
-mod common;
-
-use common::frames::{adu, be, block, data, words};
-use common::{Rig, image};
+use multidrop_testkit::frames::{adu, be, block, data, words};
+use multidrop_testkit::{Rig, image};
 
 /// Frames as documents print them, CRC included.
 const READ_ONE: [u8; 8] = [0x01, 0x03, 0x00, 0x00, 0x00, 0x01, 0x84, 0x0a];
@@ -123,7 +121,7 @@ fn frames_of_unit_17_are_nothing_to_unit_1() {
 #[test]
 fn a_demonstration_unit_shows_its_register_in_all_tables_and_on_its_pins() {
     let image = image("demo-unit", &[]);
-    let mut rig = Rig::with(&[&image], common::LINE);
+    let mut rig = Rig::with(&[&image], multidrop_testkit::LINE);
     let write = words(1, 6, 0, 0x2ad5);
     rig.expect(&write, &write);
     for function in [3, 4] {

@@ -1,12 +1,9 @@
 //! The rules of the bus that tests hold every record against: a node that keeps them passes, and each that breaks one is told.
 
-mod common;
-mod support;
-
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use common::{LINE, Rules, assert_bus_rules};
 use multidrop_bus::{Bus, Format, Line, Station, Time, Tx};
+use multidrop_testkit::{LINE, Rules, assert_bus_rules};
 
 /// What the rules say of a bus.
 fn verdict(bus: &Bus, rules: impl Into<Rules>) -> Result<(), String> {
@@ -19,7 +16,7 @@ fn verdict(bus: &Bus, rules: impl Into<Rules>) -> Result<(), String> {
 
 /// A node that sends at 10 ms, after a host has sent these characters: the first at 1 ms.
 fn run(symbols: &[(&str, u32)], line: Line, heard: impl IntoIterator<Item = Tx>) -> Bus {
-    let (mut bus, _, host) = support::one("violates", symbols, line);
+    let (mut bus, _, host) = multidrop_testkit::assembler::one("violates", symbols, line);
     bus.run_for(Time::from_ms(1));
     bus.host(host).send_each(heard);
     bus.run_for(Time::from_ms(19));
@@ -68,7 +65,7 @@ fn an_answer_before_t3_5_is_told_to_the_microsecond() {
     // The last character ends so long before the answer begins.
     for (before, early) in [(1_749, true), (1_751, false)] {
         let begins = began - Time::from_us(before) - LINE.character();
-        let (mut bus, _, host) = support::one("violates", &[], LINE);
+        let (mut bus, _, host) = multidrop_testkit::assembler::one("violates", &[], LINE);
         bus.run_to(begins);
         bus.host(host).send_each([Tx::byte(1)]);
         bus.run_to(Time::from_ms(20));
@@ -87,7 +84,7 @@ fn an_answer_before_t3_5_is_told_to_the_microsecond() {
 #[test]
 fn two_that_talk_at_once_are_told() {
     let began = run(&[], LINE, []).record().bytes()[0].start;
-    let (mut bus, _, host) = support::one("violates", &[], LINE);
+    let (mut bus, _, host) = multidrop_testkit::assembler::one("violates", &[], LINE);
     bus.run_to(began);
     bus.host(host).send_each([Tx::byte(0xF0)]);
     bus.run_to(Time::from_ms(20));

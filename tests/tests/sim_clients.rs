@@ -1,8 +1,7 @@
 //! What clients do to `sim`, and what it tells them: terminals that are left locked, links that are somebody else's, and time
 //! that the machine did not have.
 
-mod common;
-mod places;
+use multidrop_testkit::places;
 mod sims;
 
 use std::fs::{self, OpenOptions};
@@ -14,7 +13,7 @@ use std::process::{Command, Output};
 use std::thread;
 use std::time::Duration;
 
-use common::image;
+use multidrop_testkit::image;
 use nix::sys::signal::Signal;
 use nix::unistd::geteuid;
 use sims::Sim;
@@ -136,7 +135,7 @@ fn a_link_that_no_sim_made_is_refused_and_kept() {
         // The command says so too, before anything is built.
         let mut xtask = Command::new(places::xtask());
         sims::settle(&mut xtask, &folder);
-        xtask.env("CARGO_MANIFEST_DIR", places::package());
+        xtask.env("CARGO_MANIFEST_DIR", places::root());
         let words = ["sim", "registers", "--link", "bus", "--seconds", "0"];
         let output = xtask.args(words).output().expect("it runs");
         assert_refused(&output, "which no sim made");

@@ -1,15 +1,14 @@
 //! How `sim` ends: by whatever signal, it leaves no link, no process and no file.
 
-mod common;
-mod places;
+use multidrop_testkit::places;
 mod sims;
 
 use std::path::PathBuf;
 use std::process::Command;
 
-use common::conforms::Board;
-use common::plain::wire::Way;
-use common::{LINE, Runner, conformance, image, ports};
+use multidrop_testkit::conforms::Board;
+use multidrop_testkit::plain::wire::Way;
+use multidrop_testkit::{LINE, Runner, conformance, image, ports};
 use nix::sys::signal::Signal;
 use nix::unistd::Pid;
 use sims::{Sim, await_true, runs};
@@ -137,7 +136,7 @@ fn while_cargo_builds() -> (Sim, Vec<Pid>) {
     command.arg(folder.path().join("bus"));
     sims::settle(&mut command, &folder);
     command.env("CARGO", folder.path().join("bin/cargo"));
-    command.env("CARGO_MANIFEST_DIR", places::package());
+    command.env("CARGO_MANIFEST_DIR", places::root());
     let sim = Sim::start(command, folder);
     let begun = sim.folder.path().join("begun");
     assert!(await_true(|| begun.exists()));
@@ -175,7 +174,7 @@ fn a_signal_while_another_command_builds_ends_it_well() {
     let mut command = Command::new(places::xtask());
     command.args(["sim", "registers", "--link", "bus"]);
     sims::settle(&mut command, &folder);
-    command.env("CARGO_MANIFEST_DIR", places::package());
+    command.env("CARGO_MANIFEST_DIR", places::root());
     let mut sim = Sim::start(command, folder);
     sim.await_handler(Signal::SIGTERM);
     sim.send(Signal::SIGTERM);

@@ -1,14 +1,12 @@
 //! What guards the STM32's lines: characters that are damaged and read right all the same, a transceiver that hears its own port,
 //! settings that are changed while a port sends, pins, and interrupts. In the image that is flashed.
 
-mod common;
-
-use common::conforms::Board;
-use common::four::{AS1, Desk, RS4, setting};
-use common::frames::{adu, block, words};
-use common::plain::wire::{Way, ascii};
-use common::{LINE, Rig, Runner, conformance, ports, stm32_example};
 use multidrop_bus::{Bus, Format, Line, RxByte, Silicon, Time, Tx, WireByte};
+use multidrop_testkit::conforms::Board;
+use multidrop_testkit::four::{AS1, Desk, RS4, setting};
+use multidrop_testkit::frames::{adu, block, words};
+use multidrop_testkit::plain::wire::{Way, ascii};
+use multidrop_testkit::{LINE, Rig, Runner, conformance, ports, stm32_example};
 
 /// The image of unit 17, with every counter.
 fn unit(way: Way, line: Line) -> Rig {

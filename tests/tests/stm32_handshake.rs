@@ -1,11 +1,9 @@
 //! A peer that takes CTS away and does not give it back: a frame waits for CTS_TIMEOUT, and no longer. In the image that is flashed:
 //! QEMU has no pins.
 
-mod common;
-
-use common::frames::{data, words};
-use common::{LINE, Runner, stm32_example};
 use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Line, MachineId, Stm32, Time, WireId};
+use multidrop_testkit::frames::{data, words};
+use multidrop_testkit::{LINE, Runner, stm32_example};
 
 /// CTS_TIMEOUT of both ports.
 const CTS_TIMEOUT: Time = Time::from_ms(200);

@@ -1,11 +1,9 @@
 //! The ports of the STM32 while interrupts are held off: characters that are lost, alarms that are past before they are set, and
 //! characters that are taken late. In the image that is flashed: QEMU's USARTs do not overrun, and it has no pin to hold with.
 
-mod common;
-
-use common::frames::{adu, data, words};
-use common::{LINE, Runner, stm32_example};
 use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Line, MachineId, Stm32, Time, Tx, WireId};
+use multidrop_testkit::frames::{adu, data, words};
+use multidrop_testkit::{LINE, Runner, stm32_example};
 
 const RS4: usize = 3;
 

@@ -1,14 +1,12 @@
 //! The lines of the STM32: when they answer, what they take for a frame, and four of them at once.
 
-mod common;
-
-use common::four::{AS1, Desk, RS2, RS4, setting};
-use common::frames::{adu, block, data, words};
-use common::plain::wire::from_rtu;
-use common::{LINE, Rig, Runner, on_both, stm32_example, stm32_registers};
 use multidrop_bus::{
     Bus, BusConfig, HostId, HostPort, Line, MachineId, Parts, Stm32, Time, Tx, WireId,
 };
+use multidrop_testkit::four::{AS1, Desk, RS2, RS4, setting};
+use multidrop_testkit::frames::{adu, block, data, words};
+use multidrop_testkit::plain::wire::from_rtu;
+use multidrop_testkit::{LINE, Rig, Runner, on_both, stm32_example, stm32_registers};
 
 on_both! {
     answers_begin_at_t3_5,
@@ -108,8 +106,8 @@ fn a_click_of_1_us_takes_no_answer_away(runner: Runner) {
 
 /// A port whose register INTER_CHARACTER is loaded with this value; its host, and a request that is answered.
 fn desk_with_gaps(runner: Runner, inter_character: u32) -> (Desk, Vec<u8>, Vec<u8>) {
-    let mut desk =
-        Desk::new(&common::ports(runner), runner.emulator(), &[]).expect("a valid image");
+    let mut desk = Desk::new(&multidrop_testkit::ports(runner), runner.emulator(), &[])
+        .expect("a valid image");
     let register = setting(AS1, 26);
     let value = inter_character.to_be_bytes();
     let load = block(10, 16, register, 2, &value);
@@ -274,7 +272,7 @@ struct Round {
 /// Requests to AS1, if `asks`, while garbage comes in on RS2 at `baud`, if `garbage`: at the same times in any case. And how many
 /// instructions each interrupt of RS2 took.
 fn rounds(baud: u32, garbage: bool, asks: bool) -> (Vec<Round>, Vec<u64>) {
-    let image = common::ports(Runner::Qemu);
+    let image = multidrop_testkit::ports(Runner::Qemu);
     let parts = Parts::of(&image, "usart/state.rs", &[], &["USART3"]).expect("a valid image");
     let mut desk =
         Desk::in_parts(&image, Runner::Qemu.emulator(), &[], parts).expect("QEMU runs the image");

@@ -1,14 +1,12 @@
 //! The scenario `mixed`: a PC on AS1 of the STM32, the Nanos behind RS4.
 
-mod common;
-mod places;
 mod sims;
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
 use std::path::PathBuf;
 
-use common::frames::{be, data, words};
+use multidrop_testkit::frames::{be, data, words};
 use sims::Sim;
 
 /// Asks; `len` bytes come back, or the bus ends.
@@ -23,9 +21,9 @@ fn ask(terminal: &mut File, request: &[u8], len: usize) -> Vec<u8> {
 fn a_pc_reads_what_was_collected_and_reaches_the_nanos() {
     let mut images: Vec<PathBuf> = ["1", "2", "3"]
         .iter()
-        .map(|unit| common::image("demo-unit", &["--unit", unit]))
+        .map(|unit| multidrop_testkit::image("demo-unit", &["--unit", unit]))
         .collect();
-    images.push(common::ports(common::Runner::Core));
+    images.push(multidrop_testkit::ports(multidrop_testkit::Runner::Core));
     let folder = Sim::folder();
     let mut command = Sim::command(&folder, "mixed", &images);
     command.args(["--seconds", "60"]);

@@ -1,10 +1,8 @@
 //! The image `conformance` of the STM32 against the plain model of its unit: random requests of all functions and damaged
 //! frames on the wire, and each time the same answer. All tables, counters and the log are read back again and again.
 
-mod common;
-
-use common::conforms::{Board, at_115200, in_ascii, with_parity};
-use common::{Runner, on_both};
+use multidrop_testkit::conforms::{Board, at_115200, in_ascii, with_parity};
+use multidrop_testkit::{Runner, on_both};
 
 on_both! {
     random_requests_at_115200,

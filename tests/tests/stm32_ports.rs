@@ -1,11 +1,9 @@
 //! The application `ports` of the STM32: four ports at once, three Nanos behind RS4.
 
-mod common;
-
-use common::four::{self, AS1, Desk, RS2, RS4, TEXT, setting};
-use common::frames::{adu, be, block, data, exception, words};
-use common::{LINE, Runner, on_both, ports};
 use multidrop_bus::{HostId, HostPort, Line, Time, Tx, WireByte, WireId};
+use multidrop_testkit::four::{self, AS1, Desk, RS2, RS4, TEXT, setting};
+use multidrop_testkit::frames::{adu, be, block, data, exception, words};
+use multidrop_testkit::{LINE, Runner, on_both, ports};
 
 on_both! {
     four_ports_at_once_for_30_s_one_of_them_changed_each_second,
@@ -18,7 +16,7 @@ on_both! {
 fn desk(runner: Runner, units: &[u8]) -> Desk {
     let images: Vec<_> = units
         .iter()
-        .map(|unit| common::image("demo-unit", &["--unit", &unit.to_string()]))
+        .map(|unit| multidrop_testkit::image("demo-unit", &["--unit", &unit.to_string()]))
         .collect();
     let images: Vec<_> = images.iter().map(|image| image.as_path()).collect();
     Desk::new(&ports(runner), runner.emulator(), &images).expect("valid images")
@@ -131,7 +129,7 @@ fn units_that_are_missing_and_ports_that_refuse(runner: Runner) {
 
 fn what_is_printed_is_what_was_on_the_wire_in_1000_exchanges_with_faults(runner: Runner) {
     let (mut desk, bus) = listening(runner);
-    let mut random = common::random::Random::new(5);
+    let mut random = multidrop_testkit::random::Random::new(5);
     let mut expected = Vec::new();
     let mut damaged = 0;
     for _ in 0..1_000 {
@@ -196,7 +194,7 @@ fn a_line_goes_on_where_it_was_when_the_printers_baud_is_changed_in_the_middle_o
 ) {
     let (mut desk, bus) = listening(runner);
     desk.bus.clear_record();
-    let mut random = common::random::Random::new(6);
+    let mut random = multidrop_testkit::random::Random::new(6);
     let mut expected = Vec::new();
     let mut line = TEXT;
     for round in 0..16 {

@@ -1,15 +1,13 @@
 //! The router of `ports`, from AS1 and AS2 to units on RS4 that are slow, late or missing, for clients that do not
 //! wait. The scan list asks on RS4 beside it all the time. The units are a host that answers by a script.
 
-mod common;
-
 use std::cell::{Cell, RefCell};
 
-use common::four::units::{Played, Reply, Told, asked, asked_or_cut};
-use common::four::{AS1, AS2, ASCII, BusClient, LINE, RS4, Report, Source, setting};
-use common::plain::wire::Way;
-use common::{Runner, on_both, ports};
 use multidrop_bus::{Frame, Framing, HostId, Line, Time, framed, frames};
+use multidrop_testkit::four::units::{Played, Reply, Told, asked, asked_or_cut};
+use multidrop_testkit::four::{AS1, AS2, ASCII, BusClient, LINE, RS4, Report, Source, setting};
+use multidrop_testkit::plain::wire::Way;
+use multidrop_testkit::{Runner, on_both, ports};
 
 on_both! {
     a_slow_unit_is_waited_for,
@@ -443,7 +441,7 @@ fn a_client_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else(runn
                 .desk
                 .bus
                 .host(played.desk.pc)
-                .send(&common::frames::adu(&lost));
+                .send(&multidrop_testkit::frames::adu(&lost));
             played.run_for(Time::from_ms(12 + 2 * u64::from(round)), |_| ());
             expect(&mut played, Way::Rtu, &request, &answer);
             // Nothing comes behind.
@@ -456,7 +454,7 @@ fn a_client_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else(runn
             .desk
             .bus
             .host(played.desk.pc)
-            .send(&common::frames::adu(&lost));
+            .send(&multidrop_testkit::frames::adu(&lost));
         played.run_for(Time::from_ms(10), |_| ());
         played.desk.bus.unplug(played.desk.pc);
         let request = read(12, ROUTED, 2);
@@ -473,7 +471,7 @@ fn a_client_that_is_gone_keeps_nobody_and_its_answer_is_sent_to_nobody_else(runn
                 .desk
                 .bus
                 .host(played.desk.pc)
-                .send(&common::frames::adu(&lost));
+                .send(&multidrop_testkit::frames::adu(&lost));
             played.run_for(Time::from_ms(6), |_| ());
         }
         expect(&mut played, Way::Ascii, &request, &answer);

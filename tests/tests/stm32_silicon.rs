@@ -1,16 +1,16 @@
 //! The images of the STM32 that are flashed, in a chip that is modelled after the manual: what they set it to, and how they get on
 //! with its clocks, counters and pins.
 
-mod common;
-
 use std::path::PathBuf;
 
-use common::four::Desk;
-use common::frames::{data, words};
-use common::{LINE, Runner, assert_bus_rules, ports, stm32_registers, stm32_registers_at};
 use multidrop_bus::{
     Answer, Bus, BusConfig, Emulator, HostId, HostPort, Line, MachineId, Silicon, Stm32, Time,
     WireId,
+};
+use multidrop_testkit::four::Desk;
+use multidrop_testkit::frames::{data, words};
+use multidrop_testkit::{
+    LINE, Runner, assert_bus_rules, ports, stm32_registers, stm32_registers_at,
 };
 
 /// Registers (RM0090 2.3): RCC, FLASH, GPIOA and GPIOB, SYSCFG, EXTI, the interrupt controller.

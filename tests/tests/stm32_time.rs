@@ -1,14 +1,12 @@
 //! Intervals of the STM32's lines that follow rate and format, and that the line's timer goes round in; and the time that the crystal
 //! is given. In the image that is flashed.
 
-mod common;
-
-use common::four::{Desk, RS4};
-use common::frames::{adu, data, words};
-use common::{LINE, Rig, Runner, ports, stm32_example, stm32_registers};
 use multidrop_bus::{
     Answer, Bus, BusConfig, Emulator, Format, HostPort, Line, Stm32, Time, WireId,
 };
+use multidrop_testkit::four::{Desk, RS4};
+use multidrop_testkit::frames::{adu, data, words};
+use multidrop_testkit::{LINE, Rig, Runner, ports, stm32_example, stm32_registers};
 
 /// Ticks of TIM5 in a microsecond (`board-stm32`).
 const TICKS: u64 = 42;

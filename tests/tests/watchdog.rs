@@ -1,12 +1,10 @@
 //! The watchdog lets those live who are alive: on a silent bus, and in the longest frames at the slowest rate.
 
-mod common;
-
-use common::conforms::Board;
-use common::frames::{adu, data, words};
-use common::plain::wire::{Way, ascii};
-use common::{LINE, Runner, conformance, guarded};
 use multidrop_bus::{Bus, BusConfig, Format, HostId, HostPort, Line, Stm32, Time, WireId};
+use multidrop_testkit::conforms::Board;
+use multidrop_testkit::frames::{adu, data, words};
+use multidrop_testkit::plain::wire::{Way, ascii};
+use multidrop_testkit::{LINE, Runner, conformance, guarded};
 
 /// A board with `conformance` at its slowest, and a host.
 fn slow(board: Board, way: Way) -> (Bus, HostId, Line) {

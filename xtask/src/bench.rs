@@ -99,13 +99,15 @@ pub fn tell_latency() -> Result<(), Error> {
 
 /// The command that tells how long a client of `sim` waits: by the clock on the wall, so it is kept nowhere.
 fn latency(builder: &Builder) -> Result<Command, Error> {
-    let mut latency = program("latency")?;
+    let mut latency = program("multidrop-tests", "latency")?;
     let root = repo::root();
     latency.arg("--python").arg(python::interpreter());
     latency
         .arg("--client")
         .arg(root.join("tests/python/latency.py"));
-    latency.arg("--sim").arg(program("sim")?.get_program());
+    latency
+        .arg("--sim")
+        .arg(program("multidrop-bus", "sim")?.get_program());
     latency.arg("--image");
     for scenario in [
         Scenario::Registers,
@@ -169,7 +171,7 @@ pub fn check(builder: &Builder, board: Board) -> Result<Command, Error> {
 }
 
 fn measured(builder: &Builder, board: Board) -> Result<Command, Error> {
-    let mut bench = program("bench")?;
+    let mut bench = program("multidrop-tests", "bench")?;
     let (images, flashed) = match board {
         Board::Nano => (images()?, Vec::new()),
         Board::Stm32 => (machine_images()?, flashed_images()?),

@@ -58,7 +58,7 @@ pub enum Command {
     },
     /// Plant faults in the code and show which of them no test sees; exit 1 if one of the kept list is not.
     ///
-    /// A sample of cargo-mutants over protocol and firmware, or what changed since a revision, tested by the tests of the mutated crate;
+    /// A sample of cargo-mutants over protocol, firmware and apps, or what changed since a revision, tested by the tests of the mutated crate;
     /// and the kept list of tests/planted over everything.
     Mutants(MutantsRequest),
     /// Write an image to a board.

@@ -18,7 +18,7 @@ pub fn run(hold: bool) -> Result<(), Error> {
         Purpose::Client,
     ])?;
     let mbpoll = repo::in_path("mbpoll").ok_or_else(|| Error::usage("mbpoll is not installed"))?;
-    let mut demo = program("demo")?;
+    let mut demo = program("multidrop-bus", "demo")?;
     for path in build_images(&Scenario::DemoUnit.images(LineOptions::default(), false)?)? {
         demo.arg("--image").arg(path);
     }

@@ -13,10 +13,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What an image is made from: folders, and the manifest from which their packages inherit.
-const SOURCES: &[&str] = &["protocol", "firmware", "Cargo.toml"];
-
-/// Crates of one board that another uses files of.
-const SHARED: &str = "board-nano/src/options.rs";
+const SOURCES: &[&str] = &["protocol", "firmware", "apps", "Cargo.toml"];
 
 /// `build`: the image, its sizes, and its path on the last line.
 ///
@@ -212,7 +209,7 @@ impl Builder {
     fn key(&self, image: &Image) -> Result<String, Error> {
         let mut files = Vec::new();
         let board = image.board().folder();
-        for source in SOURCES.iter().chain([&board, &SHARED]) {
+        for source in SOURCES.iter().chain([&board]) {
             collect_files(&repo::root().join(source), &mut files)
                 .map_err(|error| Error::io(source, error))?;
         }

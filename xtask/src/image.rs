@@ -1,8 +1,8 @@
 //! Firmware images: which there are, what can be compiled into them, and what the file is called.
 
 use crate::error::Error;
-use crate::{baud, stm32_baud};
 use clap::ValueEnum;
+use multidrop_protocol::baud::{atmega, stm32};
 use std::path::PathBuf;
 
 /// A board that images are built for.
@@ -389,7 +389,7 @@ fn check_baud(board: Board, options: &Options) -> Result<(), Error> {
     let baud = options.baud.unwrap_or(DEFAULT_BAUD);
     let (clock_hz, max) = match board {
         Board::Nano => (options.clock.unwrap_or(NANO_HZ), NANO_BAUD_MAX),
-        Board::Stm32 => (STM32_USART_HZ, stm32_baud::MAX_BAUD),
+        Board::Stm32 => (STM32_USART_HZ, stm32::MAX_BAUD),
     };
     if !(BAUD_MIN..=max).contains(&baud) {
         return Err(Error::usage(format!(
@@ -397,10 +397,10 @@ fn check_baud(board: Board, options: &Options) -> Result<(), Error> {
         )));
     }
     let nearest = match board {
-        Board::Nano => baud::divisor(clock_hz, baud)
+        Board::Nano => atmega::divisor(clock_hz, baud)
             .err()
             .map(|error| error.nearest),
-        Board::Stm32 => stm32_baud::divisor(clock_hz, baud)
+        Board::Stm32 => stm32::divisor(clock_hz, baud)
             .err()
             .map(|error| error.nearest),
     };
@@ -409,7 +409,7 @@ fn check_baud(board: Board, options: &Options) -> Result<(), Error> {
             Some(Format::Bits8Even1 | Format::Bits8Odd1 | Format::Bits8None2) => 11,
             _ => 10,
         };
-        let slowest = baud::slowest(clock_hz, bits, options.ascii);
+        let slowest = atmega::slowest(clock_hz, bits, options.ascii);
         if baud < slowest {
             return Err(Error::usage(format!(
                 "--baud {baud}: Timer1 counts no character that long at {clock_hz} Hz; the slowest rate is {slowest}"

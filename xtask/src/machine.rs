@@ -129,7 +129,7 @@ fn mirror(text: &str, codename: &str) -> Option<(String, Option<String>)> {
     })
 }
 
-const SOURCE: &str = "tests/qemu/barrier.c";
+const SOURCE: &str = "sim/qemu/barrier.c";
 const PLUGIN: &str = "target/qemu/barrier.so";
 const STAMP: &str = "target/qemu/barrier.stamp";
 

@@ -2,7 +2,7 @@
 //!
 //! Built with the plain stable toolchain and without any C library, so that it runs on a machine
 //! that has nothing else yet: [`setup`] brings the rest. It never links the simulator; `sim` and
-//! `demo` are programs of the tests crate which this one builds and becomes.
+//! `demo` are programs of the crate `multidrop-bus` which this one builds and becomes.
 
 mod bench;
 mod check;
@@ -29,21 +29,6 @@ mod size;
 mod tally;
 mod toolchain;
 mod whole;
-
-/// The divisor arithmetic of the Nano's USART, from the crate that uses it: one source for both.
-#[path = "../../board-nano/embassy-avr-hal/src/baud.rs"]
-#[allow(
-    dead_code,
-    reason = "the firmware uses parts of it that a check does not need"
-)]
-mod baud;
-/// The same of the STM32's.
-#[path = "../../board-stm32/src/usart/baud.rs"]
-#[allow(
-    dead_code,
-    reason = "the firmware uses parts of it that a check does not need"
-)]
-mod stm32_baud;
 
 use cli::Command;
 use error::Error;

@@ -169,7 +169,7 @@ pub const ALL: &[Need] = &[
         purpose: Purpose::Machine,
         found: machine::barrier,
         debian: &[],
-        by_hand: "cargo xtask setup compiles it from tests/qemu/barrier.c once there is a C compiler",
+        by_hand: "cargo xtask setup compiles it from sim/qemu/barrier.c once there is a C compiler",
     },
     Need {
         name: "Unicorn's library",

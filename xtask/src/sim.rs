@@ -145,7 +145,7 @@ fn start(request: &SimRequest) -> Result<(), Error> {
     setup::require(&purposes)?;
     let paths = build_images(&images)?;
 
-    let mut bus = program("sim")?;
+    let mut bus = program("multidrop-bus", "sim")?;
     bus.arg(word(request.scenario));
     for path in paths {
         bus.arg("--image").arg(path);
@@ -185,20 +185,20 @@ pub fn build_images(images: &[Image]) -> Result<Vec<PathBuf>, Error> {
     images.iter().map(|image| builder.build(image)).collect()
 }
 
-/// A program of the tests crate, built.
+/// The program `name` of `package`, built.
 ///
 /// # Errors
 /// As [`job::run`].
-pub fn program(name: &str) -> Result<Command, Error> {
+pub fn program(package: &str, name: &str) -> Result<Command, Error> {
     let mut cargo = repo::cargo_in_root(&["build", "--quiet", "--release"]);
-    cargo.args(["--package", "multidrop-bus", "--bin", name]);
+    cargo.args(["--package", package, "--bin", name]);
     cargo.args(["--message-format", "json-render-diagnostics"]);
     let printed = job::output_of(&mut cargo)?;
     let path = job::executable(&printed)
         .ok_or_else(|| Error::failed(format!("cargo does not say where {name} is")))?;
     let mut command = Command::new(path);
     // As `cargo run` does: it finds its repository by that.
-    command.env("CARGO_MANIFEST_DIR", repo::root().join("tests"));
+    command.env("CARGO_MANIFEST_DIR", repo::root());
     Ok(command)
 }
 

@@ -10,10 +10,10 @@ use embassy_avr_hal::usart::{Settings, Usart0};
 use embassy_avr_hal::{bind_edges, bind_usart0, executor, pac};
 use embedded_hal::digital::InputPin;
 use embedded_hal_async::digital::Wait;
-use multidrop::conformance::{Conformance, EVENTS, UNIT};
 use multidrop::protocol::format::LineFormat;
 use multidrop::protocol::server::Counted;
 use multidrop::{PortConfig, Shared};
+use multidrop_apps::conformance::{Conformance, EVENTS, UNIT};
 use static_cell::{ConstStaticCell, StaticCell};
 
 const CLOCK_HZ: u32 = 16_000_000;

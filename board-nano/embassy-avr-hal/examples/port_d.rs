@@ -20,8 +20,8 @@ use embassy_avr_hal::{bind_edges, bind_usart0, executor, pac};
 use embedded_hal::digital::StatefulOutputPin;
 use embedded_hal_async::digital::Wait;
 use multidrop::protocol::format::LineFormat;
-use multidrop::yardstick::Yardstick;
 use multidrop::{PortConfig, ServerPort, Shared};
+use multidrop_apps::yardstick::Yardstick;
 use static_cell::StaticCell;
 
 const CLOCK_HZ: u32 = 16_000_000;

@@ -22,7 +22,6 @@
 #![no_std]
 #![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
 
-pub mod baud;
 pub mod edge;
 pub mod eeprom;
 pub mod executor;
@@ -40,3 +39,4 @@ mod mem;
 mod timer1;
 
 pub use avr_device::atmega328p as pac;
+pub use multidrop::protocol::baud::atmega as baud;

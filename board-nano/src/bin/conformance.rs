@@ -5,10 +5,10 @@
 
 use board_nano::{Rs485Option as Rs485, Watchdog, options, settings};
 use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins};
-use multidrop::conformance::{Conformance, EVENTS, UNIT};
 use multidrop::protocol::format::LineFormat;
 use multidrop::protocol::server::Counted;
 use multidrop::{PortConfig, Roll, Shared, signed};
+use multidrop_apps::conformance::{Conformance, EVENTS, UNIT};
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// Without files: they would take 250 bytes of stack.

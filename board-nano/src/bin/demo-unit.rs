@@ -6,9 +6,9 @@
 use board_nano::outputs::outputs;
 use board_nano::{Rs485, Watchdog, options, settings};
 use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins};
-use multidrop::demo_unit::DemoUnit;
 use multidrop::protocol::format::LineFormat;
 use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
+use multidrop_apps::demo_unit::DemoUnit;
 use static_cell::StaticCell;
 
 // ANCHOR: node

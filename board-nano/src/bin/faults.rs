@@ -1,5 +1,5 @@
 //! A unit that fails while it answers, for tests: unit 5, 38400 8N1 if not built otherwise. How is up to who asks
-//! ([`multidrop::faults`]).
+//! ([`multidrop_apps::faults`]).
 #![no_std]
 #![no_main]
 #![feature(abi_avr_interrupt)]
@@ -8,9 +8,9 @@ use avr_device::asm::delay_cycles;
 use avr_device::interrupt;
 use board_nano::{CLOCK_HZ, Rs485, Watchdog, options, settings};
 use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins, pac};
-use multidrop::faults::{Asked, Failure, Faults, keep, use_up_stack};
 use multidrop::protocol::format::LineFormat;
 use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
+use multidrop_apps::faults::{Asked, Failure, Faults, keep, use_up_stack};
 use static_cell::StaticCell;
 
 const BAUD: u32 = options::baud(38_400);

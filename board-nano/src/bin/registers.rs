@@ -6,8 +6,8 @@
 use board_nano::{Rs485, Watchdog, options, settings};
 use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins};
 use multidrop::protocol::format::LineFormat;
-use multidrop::yardstick::Yardstick;
 use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
+use multidrop_apps::yardstick::Yardstick;
 use static_cell::StaticCell;
 
 /// Items in each table.

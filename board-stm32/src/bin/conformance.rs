@@ -6,10 +6,10 @@
 use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog, info, options};
-use multidrop::conformance::{Conformance, EVENTS, UNIT};
 use multidrop::protocol::format::{Framing, LineFormat};
 use multidrop::protocol::server::Counted;
 use multidrop::{PortConfig, Shared, signed};
+use multidrop_apps::conformance::{Conformance, EVENTS, UNIT};
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// With 32 records in file 4.

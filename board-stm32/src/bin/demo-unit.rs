@@ -5,9 +5,9 @@
 use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog, info, options, outputs};
-use multidrop::demo_unit::DemoUnit;
 use multidrop::protocol::format::LineFormat;
 use multidrop::{PortConfig, ServerPort, Shared, signed};
+use multidrop_apps::demo_unit::DemoUnit;
 use static_cell::StaticCell;
 
 // Everything there is to set. A value that cannot work does not compile.

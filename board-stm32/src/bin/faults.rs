@@ -1,5 +1,5 @@
 //! A unit that fails while it answers, for tests: unit 5 on RS4, 38400 8N1 if not built otherwise. How is up to who asks
-//! ([`multidrop::faults`]).
+//! ([`multidrop_apps::faults`]).
 #![no_std]
 #![no_main]
 
@@ -11,9 +11,9 @@ use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::pac;
 use embassy_time::{Duration, Timer};
-use multidrop::faults::{Asked, Failure, Faults, keep, use_up_stack};
 use multidrop::protocol::format::LineFormat;
 use multidrop::{PortConfig, ServerPort, Shared, signed};
+use multidrop_apps::faults::{Asked, Failure, Faults, keep, use_up_stack};
 use static_cell::StaticCell;
 
 const BAUD: u32 = options::baud(38_400);

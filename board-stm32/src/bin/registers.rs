@@ -6,8 +6,8 @@ use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog, info, options};
 use multidrop::protocol::format::LineFormat;
-use multidrop::yardstick::Yardstick;
 use multidrop::{PortConfig, ServerPort, Shared, signed};
+use multidrop_apps::yardstick::Yardstick;
 use static_cell::StaticCell;
 
 /// Items in each table.

@@ -12,7 +12,6 @@
 //! the pending bits of all lines, is not for an image with this crate. Its own interrupts it gives priority P8 or
 //! lower: higher ones delay characters.
 
-pub mod baud;
 pub(crate) mod settings;
 
 #[cfg(target_arch = "arm")]
@@ -26,4 +25,5 @@ mod state;
 pub use line::Usart;
 #[cfg(target_arch = "arm")]
 pub(crate) use line::{INTERRUPTS, no_frame_is_stuck, on_alarm};
+pub use multidrop::protocol::baud::stm32 as baud;
 pub use settings::Settings;

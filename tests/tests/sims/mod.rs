@@ -15,7 +15,7 @@ use nix::sys::signal::{self, Signal};
 use nix::unistd::Pid;
 use tempfile::TempDir;
 
-use super::places;
+use multidrop_testkit::places;
 
 /// Far longer than anything takes that is waited for here, on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(60);

@@ -1,4 +1,4 @@
-//! Mutants that cargo-mutants makes of `protocol` and `firmware`: a sample, or those of what was changed.
+//! Mutants that cargo-mutants makes of `protocol`, `firmware` and `apps`: a sample, or those of what was changed.
 
 use super::Score;
 use crate::error::Error;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// The crates that are mutated, each tested by its own tests on the host.
-const PACKAGES: [&str; 2] = ["multidrop-protocol", "multidrop"];
+const PACKAGES: [&str; 3] = ["multidrop-protocol", "multidrop", "multidrop-apps"];
 
 /// The release of cargo-mutants that was tried.
 const VERSION: &str = "27.1.0";
@@ -93,7 +93,7 @@ pub fn run(which: Which<'_>) -> Result<Score, Error> {
     }
     repo::run(baseline.arg("--quiet").stdout(Stdio::null()))?;
     println!(
-        "{} mutants of protocol and firmware, {SECONDS} s each at most",
+        "{} mutants of protocol, firmware and apps, {SECONDS} s each at most",
         names.len()
     );
     let mut run = mutants(&[
@@ -198,7 +198,7 @@ fn literally(text: &str) -> String {
 fn diff(revision: &str, made: &Path) -> Result<PathBuf, Error> {
     let output = Command::new("git")
         .current_dir(repo::root())
-        .args(["diff", revision, "--", "protocol", "firmware"])
+        .args(["diff", revision, "--", "protocol", "firmware", "apps"])
         .output()
         .map_err(|error| Error::io("git", error))?;
     if !output.status.success() {

@@ -6,9 +6,9 @@ use crate::Trouble;
 use crate::figures::{Range, Set, us_between};
 use crate::image::Images;
 use crate::measure::sizes;
-use crate::plain::requests::Requests;
-use crate::plain::wire::{Flaw, Way};
-use crate::random::Random;
+use multidrop_testkit::plain::requests::Requests;
+use multidrop_testkit::plain::wire::{Flaw, Way};
+use multidrop_testkit::random::Random;
 
 /// Requests to the server for each seed of what SRAM held before.
 const REQUESTS: usize = 300;

@@ -18,21 +18,6 @@ mod stm32;
 mod table;
 mod traffic;
 
-// What the tests ask and expect with: written without the firmware's code, and the same for both.
-#[allow(dead_code, reason = "the tests use more of it")]
-#[path = "../../../tests/common/four/mod.rs"]
-mod four;
-#[allow(dead_code, reason = "the tests use more of it")]
-#[path = "../../../tests/common/frames.rs"]
-mod frames;
-#[path = "../../../tests/common/model.rs"]
-mod model;
-#[path = "../../../tests/common/plain/mod.rs"]
-mod plain;
-#[allow(dead_code, reason = "the tests use more of it")]
-#[path = "../../../tests/common/random.rs"]
-mod random;
-
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -6,10 +6,10 @@ use multidrop_bus::{
 };
 
 use crate::Trouble;
-use crate::frames::{block, words};
 use crate::image::Image;
-use crate::model::Model;
-use crate::random::Random;
+use multidrop_testkit::frames::{block, words};
+use multidrop_testkit::model::Model;
+use multidrop_testkit::random::Random;
 
 /// The unit id of `registers`.
 const UNIT: u8 = 1;

@@ -4,8 +4,8 @@ use multidrop_bus::{Emulator, Time};
 
 use crate::Trouble;
 use crate::figures::{Set, rounded};
-use crate::four::{self, AS1, AS2, Desk, Report};
 use crate::image::Images;
+use multidrop_testkit::four::{self, AS1, AS2, Desk, Report};
 
 /// Of bus time.
 const SPAN: Time = Time::from_ms(600_000);

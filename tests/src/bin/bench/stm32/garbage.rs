@@ -6,9 +6,9 @@ use super::in_instructions;
 use super::work::{Managed, RS2, interrupts};
 use crate::Trouble;
 use crate::figures::{Range, Set, rounded};
-use crate::frames::{adu, words};
 use crate::image::Image;
-use crate::random::Random;
+use multidrop_testkit::frames::{adu, words};
+use multidrop_testkit::random::Random;
 
 /// The rate of the garbage: the highest there is.
 const BAUD: u32 = 2_000_000;

@@ -8,10 +8,10 @@ use multidrop_bus::{
 use super::parts;
 use crate::Trouble;
 use crate::figures::{Range, Set};
-use crate::frames::{adu, block, data, words};
 use crate::image::Image;
-use crate::random::Random;
 use crate::traffic::{Desk, Shape};
+use multidrop_testkit::frames::{adu, block, data, words};
+use multidrop_testkit::random::Random;
 
 /// Exchanges from which a range is taken.
 const EXCHANGES: usize = 20;

@@ -10,7 +10,7 @@
 //! | FIFO queue | 0x04DE | 0x01B8, 0x1284 |
 //! | file 4 | records 0 to `RECORDS` - 1 | at start, the record number |
 //!
-//! FC 07 tells coils 0..=7, FC 41 answers the data of the request in reverse order.
+//! FC 07 returns coils 0..=7 as a byte, FC 41 returns the request's data bytes in reverse order.
 
 use multidrop::protocol::data::{BytesOut, Coils, CoilsOut, Registers, RegistersOut};
 use multidrop::protocol::exception::Exception;
@@ -20,7 +20,7 @@ use multidrop::protocol::server::{ApplicationFunction, Conformity, DataModel, Fu
 
 /// The unit id of the image.
 pub const UNIT: u32 = 17;
-/// Events that its log keeps: as many as an answer can hold.
+/// Events that the log keeps: as many as one answer can hold.
 pub const EVENTS: usize = 64;
 
 const COUNT: u16 = 128;
@@ -40,7 +40,7 @@ rules! {
     DISABLE_REG { 120..=125 }
 }
 
-/// The map. With `RECORDS` 0 there are no files, and functions 14 and 15 are answered with exception 01.
+/// The conformance map. With `RECORDS` 0 there are no files, and functions 14 and 15 are answered with exception 01.
 pub struct Conformance<const RECORDS: usize> {
     product: &'static str,
     registers: Bank<{ COUNT as usize }>,
@@ -50,7 +50,7 @@ pub struct Conformance<const RECORDS: usize> {
 }
 
 impl<const RECORDS: usize> Conformance<RECORDS> {
-    /// The map as it is at start, on the board of this name.
+    /// The map with its values at boot. `product` is the name of the board.
     pub const fn new(product: &'static str) -> Self {
         let mut cells = [0; COUNT as usize];
         let mut address = 0;
@@ -82,7 +82,7 @@ impl<const RECORDS: usize> Conformance<RECORDS> {
         Ok(len)
     }
 
-    /// Where these records are in the file, if they are.
+    /// The place of these records in the file, or exception 02.
     fn records(file: u16, record: u16, count: usize) -> Result<core::ops::Range<usize>, Exception> {
         let first = usize::from(record);
         if file == FILE && first + count <= RECORDS {

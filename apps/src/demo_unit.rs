@@ -1,5 +1,5 @@
-//! The data of the application `demo-unit`, the same on every board: one 16-bit register, seen through all four
-//! tables at address 0. What its bits do is the board's.
+//! The data model of the application `demo-unit` on every board: one 16-bit register, seen through all four tables at
+//! address 0. The board decides what its bits switch.
 
 use multidrop::protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
 use multidrop::protocol::exception::Exception;
@@ -7,14 +7,14 @@ use multidrop::protocol::registers::within;
 use multidrop::protocol::server::DataModel;
 
 // ANCHOR: model
-/// The register, and what shows it.
+/// The register, and the closure that shows it on the pins.
 pub struct DemoUnit<S> {
     outputs: u16,
     show: S,
 }
 
 impl<S: FnMut(u16)> DemoUnit<S> {
-    /// All outputs off. `show` puts the register on the pins, whenever it is written.
+    /// A unit with all outputs off. `show` is called with the register after each write.
     pub fn new(show: S) -> Self {
         Self { outputs: 0, show }
     }

@@ -1,5 +1,5 @@
-//! The data of the image `faults`, the same on every board: a unit that fails while it answers, for tests of what keeps a
-//! bus alive then.
+//! The data model of the image `faults` on every board: a unit that fails while it answers. Tests use it to see what
+//! keeps a bus alive when a unit fails.
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
@@ -18,15 +18,15 @@ pub enum Failure {
     Panic = 1,
     /// An interrupt panics.
     PanicInInterrupt = 2,
-    /// An interrupt comes that nobody handles.
+    /// An interrupt occurs that has no handler.
     UnhandledInterrupt = 3,
-    /// A task does not come back.
+    /// A task loops for ever.
     Hang = 4,
-    /// The same with interrupts off.
+    /// A task loops for ever with interrupts off.
     HangWithInterruptsOff = 5,
-    /// The transmitter does not tell that it takes the next character.
+    /// The transmitter loses the interrupt that asks for the next character.
     LostReady = 6,
-    /// The transmitter does not tell that all has left.
+    /// The transmitter loses the interrupt that reports the end of a transmission.
     LostSent = 7,
     /// A task keeps the line's buffer.
     Keep = 8,
@@ -46,32 +46,33 @@ const ALL: [Failure; 9] = [
     Failure::OverflowStack,
 ];
 
-/// How many registers there are from any address.
+/// Registers in one request, at most, from any address.
 const COUNT: usize = 16;
 
-/// Holding register 0 has the number of the [`ResetCause`], 2 and 3 how many bytes of the stack were in use and how many there are, at
-/// most 65535; the others up to 15 read as 0x0100 and their address. Input registers read as 0, up to 16 of them; where the
-/// first has the number of a [`Failure`], that is what happens while it is answered.
+/// The data model. Holding register 0 is the number of the [`ResetCause`]; registers 2 and 3 are the bytes of stack
+/// in use and its size, at most 65535; the others up to 15 read as 0x0100 plus their address. Input registers read as
+/// 0, up to 16 in a request. If the address of the first one is the number of a [`Failure`], the unit fails that way
+/// while it answers.
 pub struct Faults {
     asked: &'static Asked,
     cause: ResetCause,
     stack: fn() -> Stack,
 }
 
-/// [`Failure::Keep`]: takes the line's buffer when it is free, and does not give it back.
+/// Carries out [`Failure::Keep`]: takes the line's buffer when it is free, and never gives it back.
 ///
 /// # Cancellation
-/// Safe: then it is given back.
+/// Safe: the buffer is given back.
 pub async fn keep<L: Line, D>(port: &'static ServerPort<L, D>) -> ! {
     let _kept = port.line().lend().await;
     core::future::pending().await
 }
 
-/// Tells the task that fails how.
+/// Tells the failing task which failure to carry out.
 pub type Asked = Signal<NoopRawMutex, Failure>;
 
 impl Faults {
-    /// A model that tells `asked`, of a board that has started for this `cause`.
+    /// A model that signals `asked`, on a board whose reset had this `cause`.
     pub const fn new(asked: &'static Asked, cause: ResetCause, stack: fn() -> Stack) -> Self {
         Self {
             asked,
@@ -112,7 +113,7 @@ impl DataModel for Faults {
     }
 }
 
-/// [`Failure::OverflowStack`]: calls itself until `is_over`, or for ever.
+/// Carries out [`Failure::OverflowStack`]: calls itself until `is_over` returns true, or for ever.
 #[inline(never)]
 pub fn use_up_stack(is_over: &dyn Fn() -> bool) -> u8 {
     let frame = core::hint::black_box([0xAA_u8; 32]);

@@ -1,4 +1,4 @@
-//! The data of the application `registers`, the same on every board: `COUNT` of each table from address 0.
+//! The data model of the application `registers` on every board: `COUNT` items of each table from address 0.
 
 use multidrop::protocol::data::{Coils, CoilsOut, Registers, RegistersOut};
 use multidrop::protocol::exception::Exception;
@@ -6,7 +6,7 @@ use multidrop::protocol::registers::{Bank, CoilBank, within};
 use multidrop::protocol::server::DataModel;
 
 // ANCHOR: bank
-/// Holding registers and coils are kept; inputs follow from their address.
+/// Holding registers and coils are stored; inputs follow from their address.
 pub struct Yardstick<const COUNT: usize, const BYTES: usize> {
     registers: Bank<COUNT>,
     coils: CoilBank<BYTES>,
@@ -14,15 +14,15 @@ pub struct Yardstick<const COUNT: usize, const BYTES: usize> {
 // ANCHOR_END: bank
 
 impl<const COUNT: usize, const BYTES: usize> Yardstick<COUNT, BYTES> {
-    /// All 0 and off. `BYTES` is what `COUNT` coils take.
+    /// A model with all registers 0 and all coils off.
     ///
     /// # Panics
-    /// If it is not.
+    /// Unless `BYTES` is the number of bytes that `COUNT` coils take.
     pub const fn new() -> Self {
         const {
             assert!(
                 BYTES == COUNT.div_ceil(8),
-                "a byte for each eight coils begun"
+                "BYTES must be one byte for each eight coils"
             )
         };
         Self {

@@ -371,7 +371,7 @@ fn each_cause_of_a_start_has_its_number_and_its_name() {
         assert_eq!(ResetCause::from_number(number), cause);
         assert_eq!(cause.name(), name);
         let server = Server::with(1, Counted::<8>::new());
-        cause.tell(server.diagnostics());
+        cause.report(server.diagnostics());
         let mut adu: Adu = [0; 256];
         adu[..6].copy_from_slice(&[1, 8, 0, 2, 0, 0]);
         let (mut unit, _) = demo_unit();

@@ -159,7 +159,7 @@ pub fn init(watchdog: Watchdog) -> pac::Peripherals {
 #[cfg(not(feature = "bare"))]
 pub use embassy_avr_hal::stack::stack;
 
-/// Why the board has started; [`ResetCause::Other`] in an image that is built bare. [`ResetCause::tell`] puts it into the
+/// Why the board has started; [`ResetCause::Other`] in an image that is built bare. [`ResetCause::report`] puts it into the
 /// diagnostic register.
 pub fn reset_cause() -> ResetCause {
     #[cfg(not(feature = "bare"))]

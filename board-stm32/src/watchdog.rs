@@ -132,7 +132,7 @@ mod running {
             wake_task(task.0);
         }
 
-        fn may_live() -> bool {
+        fn is_healthy() -> bool {
             let time_ms = TIME_MS.load(Ordering::Relaxed).into();
             usart::no_frame_is_stuck(period_ms(time_ms), time_ms)
         }

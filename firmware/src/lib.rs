@@ -1,12 +1,12 @@
-//! Managed serial ports on Embassy, free of any chip.
+//! Managed serial ports that speak Modbus, on Embassy, for any chip.
 //!
-//! A board implements [`Line`] for its USART; everything above it is here: the port with
-//! its configuration, the task that takes frames from the line ([`receive()`]) and the task that
-//! answers them ([`serve()`]). The two share one `embassy_sync` channel. A board wraps both functions
-//! in `#[embassy_executor::task]`.
+//! A board implements [`Line`] for its USART. This crate is what stands above the line: the port and its
+//! configuration, the task that takes frames from the line ([`receive()`]) and the task that answers them
+//! ([`serve()`]). The two tasks share one `embassy_sync` channel. A board wraps both functions in
+//! `#[embassy_executor::task]`.
 //!
-//! Half duplex means one frame at a time: there is one buffer, owned by the line, and it is lent from
-//! the interrupt to the receive task, on to the serve task and back; nothing is copied.
+//! Half duplex means one frame at a time. The line owns one buffer and lends it: from the interrupt to the receive
+//! task, on to the serve task, and back. Frames are never copied.
 #![no_std]
 #![deny(unsafe_code)]
 

@@ -1,7 +1,8 @@
-//! The port manager: one owner of all ports, which loads and reads the registers of each by its name or its place.
+//! The port manager: owns all ports of an application, and loads and reads the registers of each by name or by
+//! position.
 //!
-//! The ports of an application are a `const` table of [`PortConfig`]; [`table`] checks it. What they are made of
-//! differs from port to port; the manager knows them as [`Managed`].
+//! The ports of an application are a `const` table of [`PortConfig`], which [`table`] checks. The types of the ports
+//! differ; the manager knows each port as a [`Managed`].
 //!
 //! ```
 //! use multidrop::PortConfig;
@@ -13,7 +14,7 @@
 //!     PortConfig::new("RS4").client(),
 //! ]);
 //!
-//! /// Of two `ManagedPort`, opened with `PORTS[0]` and `PORTS[1]`.
+//! The ports are of type `ManagedPort`, opened with `PORTS[0]` and `PORTS[1]`.
 //! fn set_up(as1: &'static dyn Managed, rs4: &'static dyn Managed) -> Result<(), ManagerError<'static>> {
 //!     let manager = Manager::new([as1, rs4]);
 //!     manager.load("RS4", Register::Baud, 9600)?; // LOAD(MB_RS4_BAUD, 9600)
@@ -31,18 +32,18 @@ use crate::config::PortConfig;
 use crate::line::Line;
 use crate::managed::ManagedPort;
 
-/// A port as the manager knows it.
+/// A port that a [`Manager`] can load and read.
 pub trait Managed {
     /// The port's name, such as `"RS4"`.
     fn name(&self) -> &'static str;
 
-    /// [`ManagedPort::load`].
+    /// Loads a register, see [`ManagedPort::load`].
     ///
     /// # Errors
-    /// [`Refused`]: the old value is kept.
+    /// [`Refused`]: the register keeps its old value.
     fn load(&self, register: Register, value: u32) -> Result<(), Refused>;
 
-    /// [`ManagedPort::read`].
+    /// Reads a register, see [`ManagedPort::read`].
     ///
     /// # Errors
     /// [`Refused`] for an element that an array does not have.
@@ -69,12 +70,12 @@ where
     }
 }
 
-/// Which port is meant: its name, or its place in the table, from 0.
+/// Names a port: by its name, or by its position in the table, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Selector<'a> {
-    /// By name, in capitals as in the table.
+    /// The name, in capitals as in the table.
     Name(&'a str),
-    /// By place.
+    /// The position in the table, from 0.
     Place(usize),
 }
 
@@ -90,21 +91,21 @@ impl From<usize> for Selector<'_> {
     }
 }
 
-/// Why a load or read was not done; nothing was changed. The caller's error. Displayed it names the port.
+/// Why a register was not loaded or read. Nothing was changed. The caller is to blame. The message names the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ManagerError<'a> {
-    /// There is no such port; how many there are.
+    /// There is no such port.
     NoPort {
-        /// What was asked for.
+        /// The port that was asked for.
         port: Selector<'a>,
-        /// Places are below this.
+        /// The number of ports of the manager.
         ports: usize,
     },
-    /// The port refused it.
+    /// The port refused the load or read.
     Refused {
         /// The port's name.
         port: &'static str,
-        /// Register, value, and what would be right.
+        /// Register, value, and the values that are accepted.
         refused: Refused,
     },
 }
@@ -115,14 +116,11 @@ impl fmt::Display for ManagerError<'_> {
             Self::NoPort {
                 port: Selector::Name(name),
                 ports,
-            } => write!(
-                f,
-                "port {name} does not exist: none of the {ports} ports is called so"
-            ),
+            } => write!(f, "no port named {name} ({ports} ports)"),
             Self::NoPort {
                 port: Selector::Place(place),
                 ports,
-            } => write!(f, "port {place} does not exist, must be below {ports}"),
+            } => write!(f, "no port number {place}, must be below {ports}"),
             Self::Refused { port, refused } => write!(f, "port {port}: {refused}"),
         }
     }
@@ -136,12 +134,12 @@ pub struct Manager<const N: usize> {
 }
 
 impl<const N: usize> Manager<N> {
-    /// Over these ports, in the order of their table.
+    /// A manager of these ports, in the order of their table.
     pub const fn new(ports: [&'static dyn Managed; N]) -> Self {
         Self { ports }
     }
 
-    /// A port, or `None` if there is no such port.
+    /// The port with this name or position, or `None`.
     pub fn port<'a>(&self, port: impl Into<Selector<'a>>) -> Option<&'static dyn Managed> {
         match port.into() {
             Selector::Name(name) => self.ports.iter().copied().find(|port| port.name() == name),
@@ -149,10 +147,10 @@ impl<const N: usize> Manager<N> {
         }
     }
 
-    /// Loads a register of a port. Others are not touched, and no task of theirs waits for it.
+    /// Loads a register of one port. The other ports and their tasks are not affected.
     ///
     /// # Errors
-    /// [`ManagerError`]: names the port. The old value is kept.
+    /// [`ManagerError`], which names the port. The register keeps its old value.
     pub fn load<'a>(
         &self,
         port: impl Into<Selector<'a>>,
@@ -165,7 +163,7 @@ impl<const N: usize> Manager<N> {
     /// Reads a register of a port.
     ///
     /// # Errors
-    /// [`ManagerError`]: names the port.
+    /// [`ManagerError`], which names the port.
     pub fn read<'a>(
         &self,
         port: impl Into<Selector<'a>>,
@@ -192,10 +190,10 @@ impl<const N: usize> Manager<N> {
     }
 }
 
-/// A table of ports, for a `const`.
+/// Checks a table of ports, for use in a `const`.
 ///
 /// # Panics
-/// At compile time, with the name, if two ports have the same.
+/// At compile time, with the name, if two ports have the same name.
 pub const fn table<const N: usize>(ports: [PortConfig; N]) -> [PortConfig; N] {
     let mut port = 0;
     while port < N {
@@ -205,7 +203,7 @@ pub const fn table<const N: usize>(ports: [PortConfig; N]) -> [PortConfig; N] {
                 Message::new()
                     .text("port ")
                     .text(ports[port].name())
-                    .text(": name is in the table twice, must be once")
+                    .text(": two ports in the table have this name")
                     .fail();
             }
             other += 1;

@@ -1,16 +1,17 @@
-//! The scan list: what a client reads over and over, each entry with its period, and how each of them does.
+//! The poll list: blocks of registers or bits that a client reads periodically, each with its period and its health.
 //!
-//! A list is a `static` that the application looks at whenever it likes; [`PollList::run`] is the body of a task. When
-//! several entries are due, the one behind the last one read goes first, and each is read once before any of
-//! them again: a fast one does not keep a slow one from its turn. Periods that pass while an entry waits are left
-//! out: it is read once, and next a period later. An entry whose unit still owes an answer
-//! [of its kind](crate::client) lets the next one go first.
+//! A list is a `static` that the application may read at any time; [`PollList::run`] is the body of a task. When
+//! several entries are due, they are read in the order of the list, starting behind the entry that was read last.
+//! Each is read once before any of them is read again, so an entry with a short period does not block one with a long
+//! period. A period that ends while its entry waits is skipped: the entry is read once, and next one period later. An
+//! entry whose unit has still to send a late answer [to a request of that kind](crate::client) lets the next entry go
+//! first.
 //!
 //! ```
 //! use multidrop::poll::{PollEntry, PollList};
 //! use multidrop::{Client, Line};
 //!
-//! /// Two blocks, of six cells.
+//! Two blocks with six cells in all.
 //! type List = PollList<2, 6>;
 //!
 //! const LIST: List = PollList::new([
@@ -25,7 +26,7 @@
 //!
 //! /// The third register of unit 17, if unit 18 has answered within five seconds.
 //! fn level(list: &List) -> Option<u16> {
-//!     (!list.health(1).is_stale(5000)).then(|| list.look(0, |cells| cells[2]))
+//!     (!list.health(1).is_stale(5000)).then(|| list.with_cells(0, |cells| cells[2]))
 //! }
 //! ```
 
@@ -38,7 +39,7 @@ use multidrop_protocol::function;
 use crate::client::{Client, ClientError, Turn, duration, now, ticks};
 use crate::line::Line;
 
-/// One block that is read.
+/// One block that is read periodically.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PollEntry {
     unit: u8,
@@ -52,29 +53,30 @@ pub struct PollEntry {
 type Ticks = u32;
 
 impl PollEntry {
-    /// Function 03: `count` holding registers of `unit` from `first` on, 1..=125, every second.
+    /// Reads `count` holding registers, 1..=125, of `unit` from address `first` on, every second: function 03.
     ///
     /// # Panics
-    /// As all of these: if the unit is not 1..=247, the count out of range, or the block runs past address
-    /// 65535; in a `const` that is a build error.
+    /// If the unit is not 1..=247, the count is out of range, or the block runs past address 65535. In a `const` that
+    /// is a build error. The other constructors panic for the corresponding ranges.
     pub const fn holding_registers(unit: u8, first: u16, count: u16) -> Self {
         let limit = function::READ_REGISTERS_MAX;
         Self::new(unit, function::READ_HOLDING_REGISTERS, first, count, limit)
     }
 
-    /// Function 04: input registers, as [`holding_registers`](Self::holding_registers).
+    /// Reads input registers: function 04. Ranges and period are those of
+    /// [`holding_registers`](Self::holding_registers).
     pub const fn input_registers(unit: u8, first: u16, count: u16) -> Self {
         let limit = function::READ_REGISTERS_MAX;
         Self::new(unit, function::READ_INPUT_REGISTERS, first, count, limit)
     }
 
-    /// Function 01: coils, 1..=2000, each a cell of 0 or 1.
+    /// Reads coils, 1..=2000, each into a cell of 0 or 1: function 01.
     pub const fn coils(unit: u8, first: u16, count: u16) -> Self {
         let limit = function::READ_BITS_MAX;
         Self::new(unit, function::READ_COILS, first, count, limit)
     }
 
-    /// Function 02: discrete inputs, as [`coils`](Self::coils).
+    /// Reads discrete inputs, 1..=2000, each into a cell of 0 or 1: function 02.
     pub const fn discrete_inputs(unit: u8, first: u16, count: u16) -> Self {
         let limit = function::READ_BITS_MAX;
         Self::new(unit, function::READ_DISCRETE_INPUTS, first, count, limit)
@@ -99,7 +101,7 @@ impl PollEntry {
         }
     }
 
-    /// How often it is read, in ms: 1..=65535.
+    /// Sets the period of the entry in ms: 1..=65535.
     ///
     /// # Panics
     /// If it is 0; in a `const` that is a build error.
@@ -110,20 +112,20 @@ impl PollEntry {
     }
 }
 
-/// How an entry does, since the start. Counts stay at their end.
+/// The health of an entry since the start. Counters stop at 65535.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Health {
     /// Good answers.
     pub answers: u16,
-    /// Times that nothing was heard.
+    /// Requests without an answer.
     pub timeouts: u16,
-    /// Refusals by the server.
+    /// Exception responses.
     pub exceptions: u16,
-    /// All else: wrong or damaged answers, a line that was never silent.
+    /// Other failures: wrong or damaged answers, or no silence on the line.
     pub others: u16,
-    /// What went wrong last; `None` if nothing did.
+    /// The last error; `None` if every request was answered.
     pub last_error: Option<ClientError>,
-    /// When the cells were filled last; `None` if they never were.
+    /// When the cells were last filled; `None` if never.
     pub answered_at: Option<Instant>,
 }
 
@@ -139,12 +141,12 @@ impl Health {
         }
     }
 
-    /// How old the cells are; `None` if they were never filled.
+    /// The age of the cells; `None` if they were never filled.
     pub fn age(&self) -> Option<Duration> {
         self.answered_at.map(|at| at.elapsed())
     }
 
-    /// Whether the cells are older than so many ms, or were never filled.
+    /// Whether the cells are older than `ms` milliseconds, or were never filled.
     pub fn is_stale(&self, ms: u32) -> bool {
         self.age()
             .is_none_or(|age| age > Duration::from_millis(ms.into()))
@@ -167,7 +169,8 @@ impl Health {
     }
 }
 
-/// `E` entries, and `C` cells for what they read: the first entry has the first cells.
+/// A list of `E` entries with `C` cells for the values read. The cells of the entries follow each other in the order
+/// of the list.
 pub struct PollList<const E: usize, const C: usize> {
     entries: [PollEntry; E],
     cells: RefCell<[u16; C]>,
@@ -175,10 +178,10 @@ pub struct PollList<const E: usize, const C: usize> {
 }
 
 impl<const E: usize, const C: usize> PollList<E, C> {
-    /// A list that nothing has been read of: all cells are 0.
+    /// A list with all cells 0.
     ///
     /// # Panics
-    /// Unless there are as many cells as the entries read; in a `const` that is a build error.
+    /// Unless `C` is the sum of the counts of all entries. In a `const` that is a build error.
     pub const fn new(entries: [PollEntry; E]) -> Self {
         const { assert!(E > 0, "a scan list must have an entry") };
         let mut cells = 0;
@@ -198,21 +201,21 @@ impl<const E: usize, const C: usize> PollList<E, C> {
         }
     }
 
-    /// How an entry does.
+    /// The health of an entry.
     ///
     /// # Panics
-    /// If there is no such entry.
+    /// If the list has no such entry.
     pub fn health(&self, entry: usize) -> Health {
         self.health[entry].get()
     }
 
-    /// What `look` makes of the cells of an entry: all of one answer.
+    /// Calls `f` with the cells of an entry, which are all from one answer, and returns its result.
     ///
     /// # Panics
-    /// If there is no such entry.
-    pub fn look<R>(&self, entry: usize, look: impl FnOnce(&[u16]) -> R) -> R {
+    /// If the list has no such entry.
+    pub fn with_cells<R>(&self, entry: usize, f: impl FnOnce(&[u16]) -> R) -> R {
         let (from, to) = self.range(entry);
-        look(&self.cells.borrow()[from..to])
+        f(&self.cells.borrow()[from..to])
     }
 
     /// The cells of an entry.
@@ -222,14 +225,14 @@ impl<const E: usize, const C: usize> PollList<E, C> {
         (from, from + usize::from(self.entries[entry].count))
     }
 
-    /// Reads for ever. Cells are filled when an answer stands, and not at all by any other.
+    /// Reads the entries for ever. Cells are filled by a valid answer that stands at t3.5, and by nothing else.
     ///
     /// # Cancellation
     /// Safe: the list may be run again.
     pub async fn run<L: Line + 'static, const N: usize>(&self, client: Client<L, N>) -> ! {
         let mut due = [now(); E];
         let mut entry = E - 1;
-        // Until something that is due may be asked.
+        // Until an entry that is due may be requested.
         let mut parked = None;
         loop {
             if let Err(soonest) = self.next(&due, &mut { entry }, |_| None) {
@@ -237,11 +240,11 @@ impl<const E: usize, const C: usize> PollList<E, C> {
                 continue;
             }
             let turn = client.turn(parked.take()).await;
-            let owed = |of: &PollEntry| match &turn {
+            let held_until = |of: &PollEntry| match &turn {
                 Ok(_) => client.parked(of.unit, of.function),
                 Err(_) => None,
             };
-            if let Err(soonest) = self.next(&due, &mut entry, owed) {
+            if let Err(soonest) = self.next(&due, &mut entry, held_until) {
                 parked = Some(soonest);
                 continue;
             }
@@ -261,13 +264,13 @@ impl<const E: usize, const C: usize> PollList<E, C> {
         }
     }
 
-    /// Moves `entry` on to the next one that is due and not held up by answers that are `owed` until then, going round; else
-    /// says when the first of them will be.
+    /// Moves `entry` on to the next entry that is due and whose request no late answer holds up; returns otherwise
+    /// the time at which the first of them will be.
     fn next(
         &self,
         due: &[Ticks; E],
         entry: &mut usize,
-        owed: impl Fn(&PollEntry) -> Option<Ticks>,
+        held_until: impl Fn(&PollEntry) -> Option<Ticks>,
     ) -> Result<(), Ticks> {
         let now = now();
         let mut soonest = u32::MAX;
@@ -275,10 +278,10 @@ impl<const E: usize, const C: usize> PollList<E, C> {
             *entry = if *entry + 1 < E { *entry + 1 } else { 0 };
             let mut until = due[*entry];
             if is_past(until, now) {
-                let Some(owed) = owed(&self.entries[*entry]) else {
+                let Some(time) = held_until(&self.entries[*entry]) else {
                     return Ok(());
                 };
-                until = owed;
+                until = time;
             }
             soonest = soonest.min(until.wrapping_sub(now));
         }
@@ -335,7 +338,7 @@ impl<const E: usize, const C: usize> PollList<E, C> {
     }
 }
 
-/// Whether it is `at` or later.
+/// Whether `now` is `at` or later.
 fn is_past(at: Ticks, now: Ticks) -> bool {
     now.wrapping_sub(at) <= u32::MAX / 2
 }

@@ -1,4 +1,4 @@
-//! What the tasks of a port share.
+//! A server port: what its tasks share.
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
@@ -7,11 +7,11 @@ use multidrop_protocol::server::{Counted, Server, Uncounted};
 use crate::config::PortConfig;
 use crate::line::{Frame, Line};
 
-/// What the tasks of one server port share: its line, its server, and the channel from
-/// [`receive`](crate::receive()) to [`serve`](crate::serve()).
+/// A port that is a server: its line, its server, and the channel from [`receive`](crate::receive()) to
+/// [`serve`](crate::serve()).
 ///
-/// `D` says whether the server counts what happens on the line, and with it has functions 08, 0B and 0C:
-/// [`Uncounted`] or [`Counted`].
+/// `D` is [`Counted`] if the server counts what happens on the line, which functions 08, 0B and 0C need, and
+/// [`Uncounted`] otherwise.
 pub struct ServerPort<L: Line + 'static, D = Uncounted> {
     pub(crate) line: L,
     pub(crate) server: Server<D>,
@@ -34,7 +34,7 @@ impl<L: Line + 'static, const LOG: usize> ServerPort<L, Counted<LOG>> {
 }
 
 impl<L: Line + 'static, D> ServerPort<L, D> {
-    /// A port on `line` with this server.
+    /// A port on `line` with the given server.
     pub const fn with(line: L, server: Server<D>) -> Self {
         Self {
             line,
@@ -43,12 +43,12 @@ impl<L: Line + 'static, D> ServerPort<L, D> {
         }
     }
 
-    /// The line.
+    /// The port's line.
     pub const fn line(&self) -> &L {
         &self.line
     }
 
-    /// The server: its unit id and counters.
+    /// The port's server, with its unit id and counters.
     pub const fn server(&self) -> &Server<D> {
         &self.server
     }

@@ -1,17 +1,18 @@
-//! The receive task: takes frames from the line, passes on those that concern this port.
+//! The receive task: takes frames from the line and passes on those that are for this port.
 
 use multidrop_protocol::server::Diagnostics;
 
 use crate::line::Line;
 use crate::port::ServerPort;
 
-/// Runs for ever: waits for frames and hands those for this unit, and broadcasts, to
-/// [`serve`](crate::serve()). Damaged frames and other units' frames go no further, unless the server
-/// counts them; the latter include the answers of neighbours, which are framed by silence like all else
-/// and never parsed.
+/// Passes the requests for this unit, and broadcasts, from the line to [`serve`](crate::serve()). Never returns.
+///
+/// Damaged frames, and frames for other units, are dropped; the server counts them if it has counters. Frames for
+/// other units include the answers of neighbours, which are delimited by silence as all frames are, and are not
+/// parsed.
 ///
 /// # Cancellation
-/// Safe: a frame not yet passed on is given back to the line.
+/// Safe: a frame that was not passed on is given back to the line.
 pub async fn receive<L: Line, D: Diagnostics>(port: &'static ServerPort<L, D>) -> ! {
     loop {
         match port.line.receive().await {

@@ -1,8 +1,8 @@
-//! Why a board has started.
+//! The cause of a board's last reset.
 
 use multidrop_protocol::server::Counted;
 
-/// Why the board has started, as it was found when it did.
+/// Why the board was reset, as it found at the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ResetCause {
@@ -12,16 +12,16 @@ pub enum ResetCause {
     BrownOut = 2,
     /// The watchdog was not fed.
     Watchdog = 3,
-    /// The reset pin.
+    /// The reset pin was pulled low.
     Pin = 4,
-    /// A panic, a fault of the CPU, or an interrupt that nobody handles.
+    /// A panic, a fault of the CPU, or an interrupt without a handler.
     Fault = 5,
-    /// None of these: a debugger, or a boot loader that has cleared what it read and told nobody.
+    /// Another cause, such as a debugger, or a boot loader that has cleared the flags and passed on nothing.
     Other = 6,
 }
 
 impl ResetCause {
-    /// The one with this number; [`ResetCause::Other`] for a number that none has.
+    /// The cause with this number; [`ResetCause::Other`] for any other number.
     pub const fn from_number(number: u8) -> Self {
         match number {
             1 => Self::Power,
@@ -33,7 +33,7 @@ impl ResetCause {
         }
     }
 
-    /// Its name, in lower case.
+    /// The name of the cause, in lower case.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Power => "power",
@@ -45,8 +45,9 @@ impl ResetCause {
         }
     }
 
-    /// Puts its number into the diagnostic register, which function 08, sub-function 02, tells (APP 6.8.1).
-    pub fn tell<const LOG: usize>(self, counted: &Counted<LOG>) {
+    /// Puts the number of the cause into the diagnostic register, which function 08, sub-function 02 returns (APP
+    /// 6.8.1).
+    pub fn report<const LOG: usize>(self, counted: &Counted<LOG>) {
         counted.set_diagnostic_register(self as u16);
     }
 }

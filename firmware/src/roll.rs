@@ -1,8 +1,9 @@
-//! The roll of the tasks that have to be alive: the watchdog is fed only when each of them was polled.
+//! The roll call of tasks: the watchdog is fed only if each task on the roll was polled.
 //!
-//! Twice within the watchdog's time the board [calls](Roll::call) the roll, which wakes every task on it. Each signs when it is
-//! polled; one that waits for the bus signs and waits on. With the last signature the board's watchdog is
-//! [fed](Watchdog::feed). A task that does not come back, or one that keeps all others from running, ends at the reset.
+//! Twice within the watchdog's time the board [calls](Roll::call) the roll, which wakes every task on it. Each task
+//! signs when it is polled; a task that waits for the bus signs and goes on waiting. The last signature
+//! [feeds](Watchdog::feed) the watchdog. If a task does not return from its poll, or keeps the others from running,
+//! the watchdog resets the board.
 //!
 //! ```
 //! use multidrop_apps::demo_unit::DemoUnit;
@@ -25,53 +26,59 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use pin_project_lite::pin_project;
 
-/// The watchdog of a board, and how its executor knows tasks.
+/// The watchdog of a board, and the way in which its executor refers to tasks.
 pub trait Watchdog: 'static {
-    /// Whether it runs. Where it does not a roll takes no flash and no RAM.
+    /// Whether the watchdog is used. If not, a roll takes no flash and no RAM.
     const IS_ON: bool;
 
-    /// What keeps the roll to one user at a time.
+    /// The mutex that guards the roll.
     type Lock: RawMutex;
 
-    /// What a task is woken by: smaller than a waker where the board can.
+    /// Reference to a task, by which it is woken; smaller than a waker where the executor allows.
     type Task: Copy + Send;
 
     /// The task of a waker.
     fn task(waker: &Waker) -> Self::Task;
 
-    /// Wakes it.
+    /// Wakes the task.
     fn wake(task: Self::Task);
 
-    /// The roll is about to be called: whether there is nothing else that is stuck. If there is, nobody is asked to sign.
-    fn may_live() -> bool;
+    /// Called before the roll is. Returns whether everything else of the board works; if not, the roll is not called
+    /// and the watchdog resets the board.
+    fn is_healthy() -> bool;
 
-    /// All tasks have signed: gives the board its time anew.
+    /// Feeds the watchdog: all tasks have signed.
     fn feed();
 }
 
-/// Those that have signed since the last call.
+/// The tasks that have signed since the last call.
 type Signed<W, const N: usize> = [Cell<Option<<W as Watchdog>::Task>>; N];
 
-/// The roll of `N` tasks. With none the watchdog is fed as long as the executor runs.
+/// The roll of `N` tasks. If `N` is 0, the watchdog is fed as long as the executor runs.
 pub struct Roll<W: Watchdog, const N: usize> {
     signed: Mutex<W::Lock, Signed<W, N>>,
 }
 
 impl<W: Watchdog, const N: usize> Roll<W, N> {
-    /// Nobody has signed.
+    /// A roll that no task has signed.
     pub const fn new() -> Self {
         Self {
             signed: Mutex::const_new(W::Lock::INIT, [const { Cell::new(None) }; N]),
         }
     }
 
-    /// Signs for task `PLACE`, which is woken by the next call.
+    /// Signs for the task with number `PLACE`, from 0; the next call wakes that task.
     ///
     /// # Panics
-    /// At compile time, for a place that the roll does not have.
+    /// At compile time, if `PLACE` is not below `N`.
     #[inline(always)]
     pub fn sign<const PLACE: usize>(&self, task: &Waker) {
-        const { assert!(PLACE < N, "the roll has no such place") };
+        const {
+            assert!(
+                PLACE < N,
+                "PLACE must be below N, the number of tasks on the roll"
+            )
+        };
         if W::IS_ON {
             self.signed
                 .lock(|signed| Self::sign_in(signed, &signed[PLACE], task));
@@ -88,10 +95,10 @@ impl<W: Watchdog, const N: usize> Roll<W, N> {
         }
     }
 
-    /// Wakes every task that has signed, and wants its signature anew. For the board.
+    /// Wakes every task that has signed, and asks for its signature again. For the board.
     #[inline(always)]
     pub fn call(&self) {
-        if !W::may_live() {
+        if !W::is_healthy() {
             return;
         }
         if N == 0 {
@@ -112,7 +119,7 @@ impl<W: Watchdog, const N: usize> Default for Roll<W, N> {
 }
 
 pin_project! {
-    /// [`signed`].
+    /// Future of [`signed`].
     pub struct Signing<S, F> {
         sign: S,
         #[pin]
@@ -120,10 +127,10 @@ pin_project! {
     }
 }
 
-/// `future`, and `sign` is called with the task's waker each time it is polled.
+/// Wraps `future`: `sign` is called with the task's waker each time the future is polled.
 ///
 /// # Cancellation
-/// As `future`.
+/// As safe as that of `future`.
 #[inline(always)]
 pub fn signed<S: Fn(&Waker), F: Future>(sign: S, future: F) -> Signing<S, F> {
     Signing { sign, future }

@@ -1,9 +1,9 @@
-//! Routing: requests that come in on one port and are asked on another.
+//! Routing: a request that is received on one port is sent on another.
 //!
-//! A table says which unit ids are reached through which client, and by which unit id there. A [managed
-//! port](crate::managed) that is a slave hands requests to those to its [`Router`], whose task [`route()`] asks them;
-//! the port sends the answer. The framings of the two ports have nothing to do with each other: RTU becomes ASCII and
-//! the other way round.
+//! A table tells which unit ids are reached through which client, and which unit id each has there. A [managed
+//! port](crate::managed) that is a slave passes requests for these units to its [`Router`]. The router's task
+//! [`route()`] sends them through the client, and the port returns the answer. The two ports may have different
+//! framings, RTU and ASCII.
 //!
 //! ```
 //! use multidrop::protocol::port_registers::PortRegisters;
@@ -13,7 +13,7 @@
 //! const AS1: PortConfig = PortConfig::new("AS1").slave_id(10);
 //! type As1<L> = ManagedPort<L, PortRegisters<Bank<1>, NoCoils, NoRules>>;
 //!
-//! /// `routes` say through which client.
+//! `routes` name the client for each unit id.
 //! fn routed<L: Line>(line: L, router: &'static Router<L, 4>) -> As1<L> {
 //!     ManagedPort::new(line, &AS1, AS1.bank(), NoCoils).routed(router)
 //! }
@@ -26,21 +26,25 @@
 //!
 //! # What the requesting client gets
 //!
-//! The answer or exception of the unit. Otherwise exception 0A if the request could not go out: the other port is no master,
-//! too many requests wait for it already, or its line is never silent. Or exception 0B if the request went out and no valid
-//! answer came within the route's own timeout, which must be shorter than the timeout of the requesting client (APP 7). A
-//! unit that has not answered an earlier request with the same function is asked when the guard time of the other port is
-//! over; the requesting client must wait for that too. After Force Listen Only Mode it gets nothing, since that has no answer
-//! (APP 6.8, sub-function 04).
+//! The answer or exception of the unit, or one of two exceptions of the gateway (APP 7):
+//!
+//! - 0A, if the request was not sent: the other port is not master, its queue is full, or its line is never silent.
+//! - 0B, if the request was sent and no valid answer came within the route's own timeout. That timeout must be
+//!   shorter than the timeout of the requesting client.
+//!
+//! If the unit still owes the answer to an earlier request with the same function, the request is sent after the
+//! guard time of the other port; the requesting client must wait for that too. Force Listen Only Mode has no answer
+//! (APP 6.8, sub-function 04), and the requesting client gets none.
 //!
 //! # Several requesting clients
 //!
-//! The port of each requesting client has a router. Two that send through the same port take turns with each other and with
-//! the application, first come, first served. The requests of one client come one after the other: a further one means that
-//! the client has given the first up, so the router gives it up as well and never sends its answer. A change of the port's
-//! settings does that too.
+//! The port of each requesting client has a router. Two routers that send through one port take turns with each other
+//! and with the application, in the order of their requests. A client sends one request at a time. If another one
+//! comes, the client has given up the first, so the router gives it up as well and never returns its answer. A change
+//! of the port's settings has that effect too.
 //!
-//! The port's own unit id goes before its routes. Broadcasts are for the port's own server and go no further.
+//! The port's own unit id takes precedence over its routes. Broadcasts are for the port's own server and are not
+//! routed.
 
 use core::cell::{Cell, RefCell};
 use core::future::Future;
@@ -62,63 +66,64 @@ use multidrop_protocol::function::{
 use crate::client::{Client, ClientError};
 use crate::line::Line;
 
-/// A unit id and where it is.
+/// The route to one unit.
 pub struct Route<L: Line + 'static, const N: usize> {
-    /// The unit id that is asked for, 1..=247.
+    /// The unit id in the request, 1..=247.
     pub unit: u8,
-    /// The unit id it has on the bus behind, 1..=247.
+    /// The unit id of that unit on the other bus, 1..=247.
     pub target: u8,
-    /// Through whom. Its timeout is the route's.
+    /// The client that sends the request. Its timeout is that of the route.
     pub through: Client<L, N>,
 }
 
-/// What a [managed port](crate::managed) knows of its router.
+/// The side of a router that its [managed port](crate::managed) uses.
 pub trait Gateway {
     /// Whether there is a route to `unit`.
-    fn leads_to(&self, unit: u8) -> bool;
+    fn has_route(&self, unit: u8) -> bool;
 
-    /// What was asked before is not to be answered any more.
+    /// Gives up the request that was passed on: its answer is dropped.
     fn give_up(&self);
 
-    /// A request to a unit that there is a route to: unit id, function code and data, 2..=254 bytes. It stands.
-    fn ask(&self, request: &[u8]);
+    /// Passes on a request for a unit that has a route: unit id, function code and data, 2..=254 bytes, of a frame
+    /// that stands.
+    fn forward(&self, request: &[u8]);
 
-    /// Whether there is an answer. The last one to ask is woken when there is.
+    /// Ready when there is an answer. Only the last task that polled is woken.
     fn poll_answer(&self, context: &mut Context<'_>) -> Poll<()>;
 
-    /// Takes it, to the beginning of `into`; returns its length, 0 if there is none.
+    /// Moves the answer to the beginning of `into`; returns its length, 0 if there is none.
     fn answer(&self, into: &mut Adu) -> u8;
 }
 
-/// How far a request has come.
+/// The state of the request.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum State {
     Nothing,
-    /// There is a request of this length.
+    /// A request of this length waits.
     Asked(u8),
-    /// There is an answer of this length.
+    /// An answer of this length is there.
     Answered(u8),
 }
 
-/// The routes of the port of one requesting client, and its request. `N` is that of the client ports behind.
+/// The routes of one requesting client's port, and its request. `N` is that of the clients which send.
 pub struct Router<L: Line + 'static, const N: usize> {
     routes: &'static [Route<L, N>],
-    /// Request, then answer: unit id, function code and data.
+    /// The request, then the answer: unit id, function code and data.
     frame: RefCell<Adu>,
     state: Cell<State>,
-    /// For the task: the state was changed by the port.
-    news: Signal<NoopRawMutex, ()>,
+    /// Wakes the task after the port has changed the state.
+    changed: Signal<NoopRawMutex, ()>,
     answered: Signal<NoopRawMutex, ()>,
 }
 
 impl<L: Line + 'static, const N: usize> Router<L, N> {
-    /// Routes by this table; the first row for a unit id is the one that counts.
+    /// A router with this table. If two rows have one unit id, the first one counts.
     pub const fn new(routes: &'static [Route<L, N>]) -> Self {
         Self {
             routes,
             frame: RefCell::new([0; 256]),
             state: Cell::new(State::Nothing),
-            news: Signal::new(),
+            changed: Signal::new(),
             answered: Signal::new(),
         }
     }
@@ -129,11 +134,11 @@ impl<L: Line + 'static, const N: usize> Router<L, N> {
 
     fn change(&self, state: State) {
         self.state.set(state);
-        self.news.signal(());
+        self.changed.signal(());
     }
 
-    /// Asks, and puts the answer in the place of the request; returns its length, 0 for none.
-    async fn fetch(&'static self, len: u8) -> u8 {
+    /// Sends the request, and replaces it by the answer; returns the length of the answer, 0 for none.
+    async fn transact(&'static self, len: u8) -> u8 {
         let unit = self.frame.borrow()[0];
         let Some(route) = self.find(unit) else {
             return 0;
@@ -154,11 +159,11 @@ impl<L: Line + 'static, const N: usize> Router<L, N> {
                 frame[0] = unit;
                 return bytes.len() as u8;
             }
-            // Told to listen only: nobody answers that.
+            // The unit was told to listen only, and does not answer.
             Ok(None) => return 0,
             Err(ClientError::Exception(exception)) => exception.code(),
             Err(ClientError::UnknownException(code)) => code,
-            // Function codes that none is asked with.
+            // The function code is not one of a request.
             Err(ClientError::Request(_)) => Exception::IllegalFunction.code(),
             Err(
                 ClientError::NotMaster
@@ -175,7 +180,7 @@ impl<L: Line + 'static, const N: usize> Router<L, N> {
 }
 
 impl<L: Line + 'static, const N: usize> Gateway for Router<L, N> {
-    fn leads_to(&self, unit: u8) -> bool {
+    fn has_route(&self, unit: u8) -> bool {
         self.find(unit).is_some()
     }
 
@@ -185,7 +190,7 @@ impl<L: Line + 'static, const N: usize> Gateway for Router<L, N> {
         }
     }
 
-    fn ask(&self, request: &[u8]) {
+    fn forward(&self, request: &[u8]) {
         let mut frame = self.frame.borrow_mut();
         if let Some(place) = frame.get_mut(..request.len()) {
             place.copy_from_slice(request);
@@ -217,19 +222,19 @@ impl<L: Line + 'static, const N: usize> Gateway for Router<L, N> {
     }
 }
 
-/// Runs for ever: asks what the port of this router is asked.
+/// Runs the task of a router: sends the requests that its port passes on. Never returns.
 ///
 /// # Cancellation
 /// Safe: the request is given up.
 pub async fn route<L: Line, const N: usize>(router: &'static Router<L, N>) -> ! {
     loop {
         let State::Asked(len) = router.state.get() else {
-            router.news.wait().await;
+            router.changed.wait().await;
             continue;
         };
-        router.news.reset();
-        // News first: the request that was in its place is no more.
-        if let Either::Second(len) = select(router.news.wait(), router.fetch(len)).await {
+        router.changed.reset();
+        // A change of the state comes first: it replaces the request.
+        if let Either::Second(len) = select(router.changed.wait(), router.transact(len)).await {
             router.state.set(match len {
                 0 => State::Nothing,
                 len => State::Answered(len),
@@ -239,7 +244,7 @@ pub async fn route<L: Line, const N: usize>(router: &'static Router<L, N>) -> ! 
     }
 }
 
-/// A request as it came in.
+/// A request as it was received.
 struct Forwarded<'a> {
     frame: &'a RefCell<Adu>,
     len: u8,
@@ -262,8 +267,8 @@ impl Request for Forwarded<'_> {
         Ok(())
     }
 
-    /// A read is told by its length, a write by what it echoes, a diagnostic by its sub-function: behind the guard time, an answer
-    /// may be another request's. Of other functions nothing is known here.
+    /// Checks reads by length, writes by their echo, diagnostics by the sub-function, since an answer that comes
+    /// after the guard time may belong to another request. Answers to other functions are not checked.
     fn check(&self, answer: &[u8]) -> Result<(), AnswerError> {
         let frame = self.frame.borrow();
         let asked = frame.get(1..usize::from(self.len)).unwrap_or(&[]);

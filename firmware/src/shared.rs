@@ -2,26 +2,26 @@
 
 use core::cell::RefCell;
 
-/// A value that several tasks of one executor use, one at a time and never across an await.
+/// A value that the tasks of one executor share.
 ///
-/// Access is through a closure, which cannot await: what one task does in it is atomic towards every
-/// other task, a block write by a client as much as the application's own updates.
+/// Access is through a closure, which cannot await. So each access is atomic towards all other tasks: a block write
+/// by a client as well as an update by the application.
 pub struct Shared<M> {
     value: RefCell<M>,
 }
 
 impl<M> Shared<M> {
-    /// Takes the value.
+    /// Wraps a value.
     pub const fn new(value: M) -> Self {
         Self {
             value: RefCell::new(value),
         }
     }
 
-    /// Runs `f` with the value.
+    /// Calls `f` with the value, and returns its result.
     ///
     /// # Panics
-    /// If called from within `f` on the same value.
+    /// If `f` itself calls `with` on this value.
     pub fn with<R>(&self, f: impl FnOnce(&mut M) -> R) -> R {
         f(&mut self.value.borrow_mut())
     }

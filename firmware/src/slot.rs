@@ -1,18 +1,18 @@
-//! Where one task leaves something for another.
+//! A slot in which one task leaves an item for another.
 
 use core::cell::Cell;
 use core::task::{Context, Poll, Waker};
 
-/// The task that waits for word from another.
+/// The task that waits for another task.
 pub(crate) struct Waiter(Cell<Option<Waker>>);
 
 impl Waiter {
-    /// None.
+    /// No task waits.
     pub const fn new() -> Self {
         Self(Cell::new(None))
     }
 
-    /// This one is to be [woken](Self::wake), and no other.
+    /// Registers this task to be [woken](Self::wake), in place of any other.
     pub fn wait(&self, context: &Context<'_>) {
         self.0.set(Some(context.waker().clone()));
     }
@@ -26,15 +26,15 @@ impl Waiter {
     }
 }
 
-/// Room for one thing, and the task that waits for it. As a `Signal` of `embassy-sync`, but in half the code, and whoever leaves
-/// word elsewhere may wake the task too.
+/// Holds one item, and the task that waits for it. Like a `Signal` of `embassy-sync`, but half the code; another
+/// event may wake the task too.
 pub(crate) struct Slot<T> {
     item: Cell<Option<T>>,
     pub waiter: Waiter,
 }
 
 impl<T> Slot<T> {
-    /// Empty, and nobody waits.
+    /// An empty slot for which no task waits.
     pub const fn new() -> Self {
         Self {
             item: Cell::new(None),
@@ -42,18 +42,18 @@ impl<T> Slot<T> {
         }
     }
 
-    /// Leaves something, in place of what is there.
+    /// Puts an item in the slot, in place of the old one.
     pub fn put(&self, item: T) {
         self.item.set(Some(item));
         self.waiter.wake();
     }
 
-    /// Takes what is there.
+    /// Takes the item.
     pub fn take(&self) -> Option<T> {
         self.item.take()
     }
 
-    /// The same, or [waits](Waiter::wait) if nothing is there.
+    /// Takes the item, or [waits](Waiter::wait) if the slot is empty.
     pub fn poll(&self, context: &Context<'_>) -> Poll<T> {
         match self.take() {
             Some(item) => Poll::Ready(item),

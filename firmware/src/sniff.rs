@@ -1,10 +1,9 @@
-//! Sniffing: what is heard on one port goes to the application, or to another port as lines of text.
+//! Sniffing: frames that are heard on one port go to the application, or to another port as lines of text.
 //!
-//! A [`Capture`] takes what a line [shows](crate::Line::show), says which frame is a request and which its answer, and
-//! keeps both with their time until somebody takes them: the application by [`Capture::next`], or a
-//! [managed port](crate::managed) that is a sniffer (MODE 3) with framing text (FRAMING 2), which prints them. A
-//! managed port that is a sniffer with another framing listens and never talks; as a master it shows its own
-//! requests and what it hears.
+//! A [`Capture`] observes a [line](crate::Line::show), tells requests from answers, and keeps the frames with their
+//! times. They are read by the application with [`Capture::next`], or by a [managed port](crate::managed) that is a
+//! sniffer (MODE 3) with framing text (FRAMING 2) and prints them. A managed port that is a sniffer with another
+//! framing listens and never transmits. A master shows its own requests and what it hears.
 //!
 //! ```
 //! use multidrop::protocol::format::Framing;
@@ -18,14 +17,16 @@
 //!     .framing(Framing::Text);
 //! type Rs2<L> = ManagedPort<L, PortRegisters<Bank<1>, NoCoils, NoRules>>;
 //!
-//! /// What the capture takes from another line is printed by this one. A board shows a line to a capture: the STM32's by `observed_by`.
+//! Prints what the capture records of another line. A board connects a line to a capture; on the STM32, `observed_by`
+//! does.
 //! fn printer<L: Line>(line: L, capture: &'static Capture<384>) -> Rs2<L> {
 //!     ManagedPort::new(line, &RS2, RS2.bank(), NoCoils).printing(capture)
 //! }
 //! ```
 //!
-//! The time of a frame is that in which it stands, t3.5 behind its end; of a request that the port makes itself, its end.
-//! A master shows an answer before it stands; one that is voided by a late character is shown as damaged too.
+//! The time of a frame is the moment at which it stands, t3.5 after its end; the time of a request that the port
+//! itself sends is its end. A master shows an answer before it stands. If a late character then voids the answer, it
+//! is shown as damaged too.
 
 use core::cell::{Cell, RefCell};
 use core::future::{Future, poll_fn};
@@ -39,66 +40,69 @@ use multidrop_protocol::Adu;
 use multidrop_protocol::rtu::ReceiveErrors;
 use multidrop_protocol::sniffer::{Counts, Direction, Sniffer, Text, write_damaged, write_frame};
 
-/// Somebody who looks at a line.
+/// Observes a line.
 pub trait Observer {
-    /// A good frame (unit id, function code, data), or what was wrong with a damaged one.
+    /// Called for each frame that was heard: unit id, function code and data of a good one, or the errors of a
+    /// damaged one.
     fn hear(&self, seen: Result<&[u8], ReceiveErrors>);
 }
 
-/// Somebody who has text to be printed.
+/// Supplies text to a port that prints.
 pub trait TextSource {
-    /// Whether there is any. The last one to ask is woken when there is.
+    /// Ready when there is text. Only the last task that polled is woken.
     fn poll_text(&self, context: &mut Context<'_>) -> Poll<()>;
 
-    /// Puts the next characters at the beginning of `into`; returns how many, up to 254. The same ones until they
-    /// are [`spoken`](Self::spoken).
+    /// Copies the next characters to the beginning of `into`; returns their number, at most 254. Returns them again
+    /// until they are reported as [`sent`](Self::sent).
     fn text(&self, into: &mut Adu) -> u8;
 
-    /// So many are out.
-    fn spoken(&self, len: u8);
+    /// Reports that `len` characters were sent.
+    fn sent(&self, len: u8);
 }
 
-/// What was seen on a line.
+/// A frame that was observed on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Seen<'a> {
-    /// A good frame: which way it goes, and unit id, function code and data.
+    /// A good frame: its direction, and unit id, function code and data.
     Frame(Direction, &'a [u8]),
-    /// A damaged one.
+    /// A damaged frame, with its errors.
     Damaged(ReceiveErrors),
 }
 
-/// Bytes that a record has before those of the frame: time, kind, length.
+/// Bytes of a record before those of the frame: time, kind, length.
 const HEAD: usize = 10;
-/// Kinds of records; others are the errors of a damaged frame, above [`DAMAGED`].
+/// Kinds of records; a kind from [`DAMAGED`] on holds the errors of a damaged frame.
 const REQUEST: u8 = 0;
 const ANSWER: u8 = 1;
 const EXCEPTION: u8 = 2;
 const DAMAGED: u8 = 0x80;
 
-/// Records one behind the other; the first one is at the beginning.
+/// Records, one after the other; the first one is at the beginning.
 struct Records<const N: usize> {
     bytes: [u8; N],
     len: usize,
 }
 
-/// What was seen and not taken yet, in `N` bytes: each frame takes 10 and its own; at least 264.
+/// The frames that were observed and not yet taken, in `N` bytes: each takes 10 bytes and its own length. `N` is at
+/// least 264.
 pub struct Capture<const N: usize> {
     records: RefCell<Records<N>>,
     sniffer: RefCell<Sniffer>,
     dropped: Cell<u32>,
-    /// Characters of the first record's line that are printed.
+    /// Characters of the first record's line that were printed.
     printed: Cell<u16>,
     came: Signal<NoopRawMutex, ()>,
 }
 
 impl<const N: usize> Capture<N> {
-    /// Nothing seen. Where a frame may be an answer or a request once more, it is an answer within
-    /// [200 ms](Sniffer::PATIENCE_MS).
+    /// An empty capture. Where a frame can be an answer or a repeated request, it is taken for an answer within [200
+    /// ms](Sniffer::PATIENCE_MS) after the request.
     pub const fn new() -> Self {
         Self::within_ms(Sniffer::PATIENCE_MS)
     }
 
-    /// The same, within so many ms of the request: no longer than the client's timeout.
+    /// An empty capture in which a frame counts as an answer within `patience_ms` after the request. Use no more than
+    /// the client's timeout.
     pub const fn within_ms(patience_ms: u32) -> Self {
         const {
             assert!(
@@ -118,21 +122,21 @@ impl<const N: usize> Capture<N> {
         }
     }
 
-    /// What was seen, counted, whether it was dropped or not.
+    /// Counts of all observed frames, including the dropped ones.
     pub fn counts(&self) -> Counts {
         self.sniffer.borrow().counts()
     }
 
-    /// How many frames, damaged ones included, found no room and are in no record. Goes round.
+    /// The number of frames, damaged ones included, that were dropped for lack of room. Wraps around.
     pub fn dropped(&self) -> u32 {
         self.dropped.get()
     }
 
-    /// Waits for something and gives what `f` makes of it and of its time in microseconds since the start; it is gone
-    /// then. For one task, and not beside a port that prints.
+    /// Waits for a frame, removes it, and returns the result of `f`, which gets its time in microseconds since the
+    /// start. For one task, and not while a port prints the capture.
     ///
     /// # Cancellation
-    /// Safe: nothing is taken until the future completes.
+    /// Safe: no frame is removed before the future completes.
     pub async fn next<R>(&self, f: impl FnOnce(u64, Seen<'_>) -> R) -> R {
         poll_fn(|context| self.poll_text(context)).await;
         let mut records = self.records.borrow_mut();
@@ -163,7 +167,7 @@ impl<const N: usize> Records<N> {
         true
     }
 
-    /// The first record, of which there is one, and its length.
+    /// The first record, which must exist, and its length.
     fn first(&self) -> (u64, Seen<'_>, usize) {
         let (head, rest) = self.bytes.split_at(HEAD);
         let mut time = [0; 8];
@@ -240,7 +244,7 @@ impl<const N: usize> TextSource for Capture<N> {
         window.len
     }
 
-    fn spoken(&self, len: u8) {
+    fn sent(&self, len: u8) {
         let mut records = self.records.borrow_mut();
         if records.len == 0 {
             return;
@@ -263,7 +267,8 @@ impl<const N: usize> TextSource for Capture<N> {
     }
 }
 
-/// Characters that are printed at once. A line ends with two, and no line is one longer than a number of these.
+/// Characters that are printed in one call. A line ends with two characters, and no line is one character longer than
+/// a multiple of this.
 const CHUNK: usize = 254;
 
 /// A part of a line of text.

@@ -1,11 +1,11 @@
-//! How deep a board's stack has been.
+//! The depth of a board's stack.
 
-/// The stack, as it was painted at the start and has been overwritten since.
+/// The use of a stack that was painted at the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stack {
-    /// Bytes there are for it.
+    /// Size of the stack in bytes.
     pub size: usize,
-    /// Bytes of them that have been in use since the board has started: a lower bound, since what was never written to inside
-    /// of them shows only from above.
+    /// Bytes that have been in use since the start, counted from the deepest byte that was overwritten: a lower bound, since
+    /// a deeper byte may have been reserved and never written.
     pub used: usize,
 }

@@ -99,7 +99,7 @@ fn cases() -> Vec<Case> {
                 "[PortConfig; 2]",
                 "multidrop::manager::table([PortConfig::new(\"AS1\"), PortConfig::new(\"AS1\").client()])",
             ),
-            "port AS1: name is in the table twice, must be once",
+            "port AS1: two ports in the table have this name",
         ),
         (
             "mode",
@@ -204,12 +204,12 @@ fn cases() -> Vec<Case> {
         (
             "coil_bank_none",
             of_port("", "CoilBank<1>", ".coil_bank(0)"),
-            "bank of no coils",
+            "a coil bank must have at least one coil",
         ),
         (
             "coil_bank_bits",
             of_port("", "CoilBank<1>", ".coil_bank(9)"),
-            "more coils than there are bits",
+            "a coil bank must have a bit for each coil",
         ),
         (
             "dense_end",
@@ -242,7 +242,7 @@ fn cases() -> Vec<Case> {
         (
             "valid_reversed",
             rules("VALID_REG { 10..=90, 190..=120 }"),
-            "port RS4: VALID_REG 190..=120: the first register must not be above the last",
+            "port RS4: VALID_REG 190..=120: the first register must not be above the last one",
         ),
         (
             "valid_overlap",
@@ -252,7 +252,7 @@ fn cases() -> Vec<Case> {
         (
             "valid_empty",
             rules("VALID_REG {}"),
-            "port RS4: VALID_REG is empty: leave it out, or name a range",
+            "port RS4: VALID_REG is empty, must have a range or be left out",
         ),
         (
             "data_overlap",
@@ -262,7 +262,7 @@ fn cases() -> Vec<Case> {
         (
             "data_reversed",
             rules("VALID_DATA { 15..=10 => range(1..=2) }"),
-            "port RS4: VALID_DATA 15..=10: the first register must not be above the last",
+            "port RS4: VALID_DATA 15..=10: the first register must not be above the last one",
         ),
         (
             "data_low",
@@ -297,7 +297,7 @@ fn cases() -> Vec<Case> {
         (
             "disable_reversed",
             rules("DISABLE_REG { 20..=10 }"),
-            "port RS4: DISABLE_REG 20..=10: the first register must not be above the last",
+            "port RS4: DISABLE_REG 20..=10: the first register must not be above the last one",
         ),
         (
             "disable_many",

@@ -52,7 +52,7 @@ fn peer(delay: u64) -> impl FnMut(&[u8]) -> Vec<(u64, Heard)> {
 type Place = Rc<RefCell<Vec<Result<u16, ClientError>>>>;
 
 #[test]
-fn what_was_given_up_is_owed_through_any_noise() {
+fn the_answer_to_a_given_up_request_is_expected_despite_noise() {
     for heard in noise() {
         // In time, behind it, and in the guard.
         for delay in [20, TIMEOUT - 1, TIMEOUT + 1, TIMEOUT + GUARD - 1] {
@@ -91,7 +91,7 @@ fn what_was_given_up_is_owed_through_any_noise() {
 }
 
 #[test]
-fn what_timed_out_is_owed_through_any_noise() {
+fn the_answer_to_a_timed_out_request_is_expected_despite_noise() {
     for heard in noise() {
         for late in [3, 10, GUARD - 1] {
             for at in 1..=late.min(8) {

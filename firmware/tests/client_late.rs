@@ -148,7 +148,7 @@ fn only_the_answer_itself_or_its_exception_ends_the_wait_for_it() {
 }
 
 #[test]
-fn a_retry_does_not_wait_and_the_second_answer_is_what_is_owed() {
+fn a_retry_does_not_wait_and_a_second_answer_is_expected() {
     // Both tries are answered, the first one in the wait for the second.
     let mut desk = Desk::<1>::new(peer(|request| match request[3] {
         7 => Some(TIMEOUT + 20),

@@ -193,11 +193,11 @@ fn errors_name_the_port() {
     );
     assert_eq!(
         error("RS5", Register::Baud, 9600),
-        "port RS5 does not exist: none of the 3 ports is called so"
+        "no port named RS5 (3 ports)"
     );
     assert_eq!(
         manager.read(3, Register::Mode).unwrap_err().to_string(),
-        "port 3 does not exist, must be below 3"
+        "no port number 3, must be below 3"
     );
     assert_eq!(
         manager.read(1, Register::Regs(10)).unwrap_err().to_string(),

@@ -55,9 +55,9 @@ fn entries_are_read_at_their_periods_and_fill_their_cells() {
     assert_eq!(began(&desk, 1), expected);
     assert_eq!(began(&desk, 2), [EXCHANGE, 250, 500, 750]);
     assert_eq!(began(&desk, 3), [2 * EXCHANGE]);
-    scan.look(0, |cells| assert_eq!(cells, [0x1064, 0x1065, 0x1066]));
-    scan.look(1, |cells| assert_eq!(cells, [0, 1]));
-    scan.look(2, |cells| assert_eq!(cells, [0x3007]));
+    scan.with_cells(0, |cells| assert_eq!(cells, [0x1064, 0x1065, 0x1066]));
+    scan.with_cells(1, |cells| assert_eq!(cells, [0, 1]));
+    scan.with_cells(2, |cells| assert_eq!(cells, [0x3007]));
     assert_eq!(scan.health(0).answers, 10);
     assert_eq!(scan.health(1).answers, 4);
     assert_eq!(scan.health(0).last_error, None);
@@ -144,7 +144,7 @@ fn each_kind_of_end_is_counted_and_bad_ones_leave_the_cells() {
     for error in expected {
         desk.run(100);
         assert_eq!(scan.health(0).last_error, error);
-        scan.look(0, |cells| assert_eq!(cells, [0xABCD]));
+        scan.with_cells(0, |cells| assert_eq!(cells, [0xABCD]));
     }
     let health = scan.health(0);
     assert_eq!(

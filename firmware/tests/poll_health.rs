@@ -78,7 +78,7 @@ fn an_error_is_kept_through_good_answers_until_the_next_one() {
         let health = scan.health(0);
         assert_eq!(health.last_error, last_error, "round {}", round.get());
         assert_eq!(counts(health), expected);
-        scan.look(0, |cells| assert_eq!(cells, [cell]));
+        scan.with_cells(0, |cells| assert_eq!(cells, [cell]));
         // When it was filled, whatever came since.
         if ends[usize::from(round.get())] == good(cell as u8) {
             let at = health.answered_at.expect("answered").as_millis();
@@ -87,7 +87,7 @@ fn an_error_is_kept_through_good_answers_until_the_next_one() {
         // Nothing of it is the other one's.
         assert_eq!(scan.health(1).last_error, None);
         assert_eq!(counts(scan.health(1)), [round.get() + 1, 0, 0, 0]);
-        scan.look(1, |cells| assert_eq!(cells, [0x100 + round.get()]));
+        scan.with_cells(1, |cells| assert_eq!(cells, [0x100 + round.get()]));
         round.set(round.get() + 1);
         desk.run(1);
     }
@@ -148,14 +148,14 @@ fn each_table_is_read_into_cells_of_its_own() {
             [17, 4, 1, 144, 0, 2]
         ]
     );
-    scan.look(0, |cells| {
+    scan.with_cells(0, |cells| {
         assert_eq!(cells, [1, 0, 1, 0, 0, 1, 0, 1, 1, 1, 1, 1, 0, 0, 0, 0, 1]);
     });
-    scan.look(1, |cells| {
+    scan.with_cells(1, |cells| {
         assert_eq!(cells, [1, 1, 0, 0, 0, 0, 1, 1, 0, 1]);
     });
-    scan.look(2, |cells| assert_eq!(cells, [0x1234, 0xFFFE, 1]));
-    scan.look(3, |cells| assert_eq!(cells, [0xABCD, 0]));
+    scan.with_cells(2, |cells| assert_eq!(cells, [0x1234, 0xFFFE, 1]));
+    scan.with_cells(3, |cells| assert_eq!(cells, [0xABCD, 0]));
     // Every second, if not said otherwise.
     desk.run(4 * EXCHANGE);
     assert_eq!(desk.sent().len(), 8);
@@ -179,7 +179,7 @@ fn counts_stay_at_their_end() {
         desk.run(1);
     }
     assert_eq!(scan.health(0).last_error, Some(ClientError::NotMaster));
-    scan.look(0, |cells| assert_eq!(cells, [0]));
+    scan.with_cells(0, |cells| assert_eq!(cells, [0]));
 }
 
 /// A list whose task is dropped while it waits for the line leaves its place to others.
@@ -289,5 +289,8 @@ fn there_are_as_many_cells_as_are_read() {
         expected
     );
     let scan = PollList::<2, 11>::new(entries());
-    assert_eq!([0, 1].map(|entry| scan.look(entry, <[u16]>::len)), [9, 2]);
+    assert_eq!(
+        [0, 1].map(|entry| scan.with_cells(entry, <[u16]>::len)),
+        [9, 2]
+    );
 }

@@ -334,7 +334,7 @@ fn a_name_stands_in_a_table_once_wherever_it_is() {
             assert_eq!(
                 refused(|| manager::table(twice)),
                 Some(format!(
-                    "port {name}: name is in the table twice, must be once"
+                    "port {name}: two ports in the table have this name"
                 )),
                 "{first} and {second}"
             );

@@ -48,7 +48,7 @@ macro_rules! dog {
                 task.wake_by_ref();
             }
 
-            fn may_live() -> bool {
+            fn is_healthy() -> bool {
                 $lives.load(Ordering::Relaxed)
             }
 

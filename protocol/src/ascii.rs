@@ -1,11 +1,11 @@
 //! The ASCII frame: `:`, then unit id, PDU and LRC as two hexadecimal digits for each byte, then CR LF (SER 2.5.2).
 //!
-//! As with RTU, [`Reception`] and [`Transmission`] run in the interrupt, character by character, and what they hand over and
-//! take is `[unit, function, data...]` in the same [`Adu`]: what is above the line sees no difference. [`encode`] and
-//! [`decode`] do the same for a frame that is there as a whole.
+//! [`Reception`] and [`Transmission`] run in the interrupt, character by character. They take and give `[unit,
+//! function, data...]` in an [`Adu`], as those of RTU do, so the layers above the line see no difference. [`encode`]
+//! and [`decode`] convert a whole frame.
 //!
-//! LF can be replaced by another character (APP 6.8, sub-function 03). Any will do, since CR stands before it: one that is also
-//! a digit, `:` or CR has its other meaning everywhere else.
+//! LF can be replaced by another character (APP 6.8, sub-function 03). Any character will do, since CR precedes it; a
+//! digit, `:` or CR keeps its meaning everywhere else.
 
 use crate::Adu;
 use crate::rtu::{EncodeError, ReceiveErrors, Received};
@@ -26,10 +26,11 @@ const CR: u8 = b'\r';
 const BYTES_MIN: u8 = 3;
 const BYTES_MAX: u8 = 255;
 
-/// In place of a digit where there is none.
+/// The value of a digit that has not been received.
 const NO_DIGIT: u8 = 0xFF;
 
-/// The check over unit id and PDU: the two's complement of their sum (SER 6.2.1). Added up with it they are 0.
+/// The LRC of unit id and PDU: the two's complement of the sum of the bytes (SER 6.2.1). The sum of all bytes and
+/// their LRC is 0.
 pub fn lrc(bytes: &[u8]) -> u8 {
     let sum = bytes.iter().fold(0u8, |sum, &byte| sum.wrapping_add(byte));
     sum.wrapping_neg()
@@ -45,7 +46,7 @@ const fn digit(character: u8) -> Option<u8> {
     }
 }
 
-/// The digit of a value of 0..=15, upper case as SER 2.5.2 demands.
+/// The hexadecimal digit of a value of 0..=15, in upper case (SER 2.5.2).
 const fn character(digit: u8) -> u8 {
     if digit < 10 {
         b'0' + digit
@@ -54,30 +55,30 @@ const fn character(digit: u8) -> u8 {
     }
 }
 
-/// What a character has done to the frame that comes in.
+/// The effect of a received character on the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decoded {
     /// The frame goes on.
     More,
-    /// The same, and a byte of it is whole.
+    /// The second digit of a byte was received.
     Byte {
-        /// Its place in the buffer.
+        /// The place of the byte in the buffer.
         at: u8,
-        /// Its value.
+        /// The value of the byte.
         byte: u8,
     },
-    /// A `:`: what came before is no frame, one begins here.
+    /// A `:` was received: a frame begins, and what was received before it is dropped.
     Start,
-    /// CR and delimiter: the frame is over.
+    /// CR and delimiter were received: the frame is complete.
     End,
 }
 
-/// Puts a frame together as its characters come in, those behind the `:`.
+/// Assembles a frame from the characters behind the `:`.
 #[derive(Clone, Copy, Debug)]
 pub struct Reception {
     sum: u8,
     len: u8,
-    /// The first digit of a byte whose second has not come yet.
+    /// The first digit of a byte whose second digit has not been received.
     digit: u8,
     after_cr: bool,
     delimiter: u8,
@@ -85,7 +86,7 @@ pub struct Reception {
 }
 
 impl Reception {
-    /// Ready for the first character behind the `:` of a frame that this delimiter ends.
+    /// An empty frame that this delimiter will end.
     #[inline(always)]
     pub const fn new(delimiter: u8) -> Reception {
         Reception {
@@ -98,7 +99,7 @@ impl Reception {
         }
     }
 
-    /// Takes the next character. A frame with a flaw is followed to its end and gives no more bytes.
+    /// Takes the next character. After an error the frame is followed to its end, but gives no more bytes.
     #[inline]
     pub fn push(&mut self, character: u8) -> Decoded {
         if core::mem::take(&mut self.after_cr) {
@@ -138,20 +139,20 @@ impl Reception {
         Decoded::Byte { at, byte }
     }
 
-    /// Notes a character that came with errors, whatever it was, or a byte that could not be stored.
+    /// Adds the errors of a character, whatever its value, or of a byte that could not be stored.
     #[inline(always)]
     pub fn add(&mut self, errors: ReceiveErrors) {
         self.after_cr = false;
         self.errors |= errors;
     }
 
-    /// What is wrong so far, apart from not being over.
+    /// The errors so far, apart from the missing end.
     #[inline(always)]
     pub const fn errors(&self) -> ReceiveErrors {
         self.errors
     }
 
-    /// What has come in so far, taken for a whole frame.
+    /// The frame as received so far, as if it were complete.
     #[inline]
     pub const fn finish(&self) -> Received {
         let mut errors = self.errors;
@@ -179,7 +180,7 @@ enum Part {
     Over,
 }
 
-/// Hands a frame out character by character.
+/// Gives the characters of a frame one by one.
 #[derive(Clone, Copy, Debug)]
 pub struct Transmission {
     part: Part,
@@ -190,7 +191,7 @@ pub struct Transmission {
 }
 
 impl Transmission {
-    /// Nothing to send.
+    /// A transmission without a frame.
     #[inline(always)]
     pub const fn new() -> Transmission {
         Transmission {
@@ -202,7 +203,7 @@ impl Transmission {
         }
     }
 
-    /// Begins a frame of `len` bytes of unit id and PDU, 2..=254, to be ended by this delimiter.
+    /// Begins a frame of `len` bytes of unit id and PDU, 2..=254, which `delimiter` will end.
     #[inline(always)]
     pub fn start(&mut self, len: u8, delimiter: u8) {
         *self = Transmission {
@@ -220,8 +221,8 @@ impl Transmission {
         self.position
     }
 
-    /// The next character to send, `None` when the frame is over. `byte` is what stands at [`position`](Transmission::position);
-    /// behind the last byte it does not matter.
+    /// The next character to send, or `None` after the last one. `byte` is the byte at
+    /// [`position`](Transmission::position); after the last byte any value will do.
     #[inline]
     pub fn next(&mut self, byte: u8) -> Option<u8> {
         let is_lrc = self.position == self.len;
@@ -251,7 +252,7 @@ impl Transmission {
         Some(next)
     }
 
-    /// Whether [`next`](Transmission::next) has nothing more to give.
+    /// Whether all characters have been sent.
     #[inline(always)]
     pub const fn is_over(&self) -> bool {
         matches!(self.part, Part::Over)
@@ -264,11 +265,11 @@ impl Default for Transmission {
     }
 }
 
-/// Makes a frame of unit id and PDU at the start of `out`, `delimiter` at its end.
+/// Encodes unit id and PDU as a frame at the start of `out`, ended by `delimiter`.
 ///
 /// # Errors
 ///
-/// [`EncodeError`]; `out` is untouched then.
+/// [`EncodeError`]; `out` is unchanged.
 pub fn encode<'a>(
     unit_pdu: &[u8],
     delimiter: u8,
@@ -291,12 +292,13 @@ pub fn encode<'a>(
     Ok(frame)
 }
 
-/// Unit id and PDU of a whole frame, from `:` to `delimiter`, at the start of `out`.
+/// Decodes a whole frame, from `:` to `delimiter`, to unit id and PDU at the start of `out`.
 ///
 /// # Errors
 ///
-/// The [`ReceiveErrors`] of the frame: [`ReceiveErrors::CHARACTER`] too where it does not begin with `:`, has one inside, or goes on behind its
-/// delimiter, [`ReceiveErrors::LENGTH`] where it has none. What is in `out` has no meaning then.
+/// The [`ReceiveErrors`] of the frame. These include [`ReceiveErrors::CHARACTER`] if the frame does not begin with
+/// `:`, contains another one, or goes on behind its delimiter, and [`ReceiveErrors::LENGTH`] if it has no delimiter.
+/// The content of `out` is undefined.
 pub fn decode<'a>(adu: &[u8], delimiter: u8, out: &'a mut Adu) -> Result<&'a [u8], ReceiveErrors> {
     let mut reception = Reception::new(delimiter);
     let Some((&START, rest)) = adu.split_first() else {

@@ -1,14 +1,14 @@
 //! CRC-16/MODBUS: polynomial 0xA001 (reflected), start value 0xFFFF, sent low byte first (SER 6.2.2).
 //!
-//! Two ways to the same sum. With a table of 512 bytes a step is one look-up; on AVR, where every table is copied to RAM, the
-//! table is computed instead of stored.
+//! There are two implementations. With a table of 512 bytes a step is one look-up; on AVR, where every table is
+//! copied to RAM, the table is computed instead of stored.
 
 /// The sum before the first byte.
 pub const INIT: u16 = 0xFFFF;
 
-/// The sum after one more byte, in the way that suits the target.
+/// The sum after one more byte, by the implementation that suits the target.
 ///
-/// The sum over a frame including its two check bytes is 0 when the frame is whole.
+/// The sum over a frame including its two check bytes is 0 if the frame is intact.
 #[inline(always)]
 pub fn update(crc: u16, byte: u8) -> u16 {
     #[cfg(target_arch = "avr")]
@@ -45,13 +45,13 @@ impl Sum {
         self.high = high;
     }
 
-    /// Whether the sum includes its own check bytes and they match.
+    /// Whether the sum includes its check bytes and they match.
     #[inline(always)]
     pub(crate) const fn matches(self) -> bool {
         self.low == 0 && self.high == 0
     }
 
-    /// The check byte to send first, and then the other.
+    /// The next check byte to send, low byte first.
     #[inline(always)]
     pub(crate) fn take_check_byte(&mut self) -> u8 {
         let byte = self.low;
@@ -60,7 +60,7 @@ impl Sum {
     }
 }
 
-/// The sum over a whole run of bytes, as it stands in a frame once it is sent low byte first.
+/// The CRC of `bytes`, which is sent low byte first.
 pub fn checksum(bytes: &[u8]) -> u16 {
     let mut crc = INIT;
     for &byte in bytes {
@@ -69,7 +69,7 @@ pub fn checksum(bytes: &[u8]) -> u16 {
     crc
 }
 
-/// The step without a table.
+/// The implementation without a table.
 pub mod table_free {
     /// The sum after one more byte.
     #[inline(always)]
@@ -101,7 +101,7 @@ pub mod table_free {
     }
 }
 
-/// The step by the table of the `crc` crate.
+/// The implementation by the table of the `crc` crate.
 #[cfg(not(target_arch = "avr"))]
 pub mod table {
     use crc::{CRC_16_MODBUS, Crc, Table};
@@ -111,7 +111,7 @@ pub mod table {
     /// The sum after one more byte.
     #[inline(always)]
     pub fn update(crc: u16, byte: u8) -> u16 {
-        // The crate reflects the value it starts from; reflected twice it is ours again, and the compiler drops both.
+        // The crate reflects its start value, so it is reflected here first; the compiler drops both.
         let mut digest = MODBUS.digest_with_initial(crc.reverse_bits());
         digest.update(&[byte]);
         digest.finalize()

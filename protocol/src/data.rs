@@ -1,16 +1,16 @@
-//! Blocks of coils and registers in the shape they have in a frame.
+//! Blocks of coils and registers as they are encoded in a frame.
 //!
-//! A data model is lent the bytes of the frame itself, so a value is copied once: from the application's memory to the wire,
-//! or back.
+//! A data model gets references into the frame itself, so a value is copied once: from the application's memory to
+//! the frame, or back.
 
-/// Registers of a write request, to be read: big endian in the frame (APP 4.2).
+/// Registers of a write request: big endian in the frame (APP 4.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Registers<'a> {
     pairs: &'a [[u8; 2]],
 }
 
 impl<'a> Registers<'a> {
-    /// The registers in `bytes`, high byte first; an odd last byte is left out.
+    /// The registers in `bytes`, high byte first; an odd last byte is ignored.
     #[inline]
     pub const fn new(bytes: &'a [u8]) -> Registers<'a> {
         Registers {
@@ -18,25 +18,25 @@ impl<'a> Registers<'a> {
         }
     }
 
-    /// How many there are.
+    /// The number of registers.
     #[inline]
     pub const fn len(&self) -> usize {
         self.pairs.len()
     }
 
-    /// Whether there are none. In a request there always is one.
+    /// Whether there are no registers. A request has at least one.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
 
-    /// The register at this place in the block, from 0.
+    /// The register at this index in the block, from 0.
     #[inline]
     pub fn get(&self, index: usize) -> Option<u16> {
         self.pairs.get(index).map(|pair| u16::from_be_bytes(*pair))
     }
 
-    /// The `count` registers from this place in the block on, as far as there are any.
+    /// Up to `count` registers from this index of the block on.
     #[inline]
     pub fn part(&self, index: usize, count: usize) -> Registers<'a> {
         let pairs = self.pairs.get(index..).unwrap_or(&[]);
@@ -45,13 +45,13 @@ impl<'a> Registers<'a> {
         }
     }
 
-    /// All of them in order.
+    /// Iterates over the registers in order.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = u16> + 'a {
         self.pairs.iter().map(|pair| u16::from_be_bytes(*pair))
     }
 
-    /// Copies them to `cells`, as far as both go.
+    /// Copies the registers to `cells`, up to the shorter of both.
     #[inline]
     pub fn copy_to(&self, cells: &mut [u16]) {
         for (cell, pair) in cells.iter_mut().zip(self.pairs) {
@@ -60,14 +60,14 @@ impl<'a> Registers<'a> {
     }
 }
 
-/// Registers of an answer, to be filled in: big endian in the frame (APP 4.2), 0 as long as nothing is set.
+/// Registers of an answer: big endian in the frame (APP 4.2), 0 unless they are set.
 #[derive(Debug)]
 pub struct RegistersOut<'a> {
     pairs: &'a mut [[u8; 2]],
 }
 
 impl<'a> RegistersOut<'a> {
-    /// Registers to be written to `bytes`, high byte first; an odd last byte is left out.
+    /// Registers in `bytes`, high byte first; an odd last byte is ignored.
     #[inline]
     pub const fn new(bytes: &'a mut [u8]) -> RegistersOut<'a> {
         RegistersOut {
@@ -75,29 +75,29 @@ impl<'a> RegistersOut<'a> {
         }
     }
 
-    /// How many are asked for.
+    /// The number of registers that were requested.
     #[inline]
     pub const fn len(&self) -> usize {
         self.pairs.len()
     }
 
-    /// Whether none is asked for. In a request it always is at least one.
+    /// Whether no register was requested. A request has at least one.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
 
-    /// Sets the register at this place in the block, from 0.
+    /// Sets the register at this index in the block, from 0.
     ///
     /// # Panics
     ///
-    /// If `index` is not under [`len`](RegistersOut::len).
+    /// Unless `index` is below [`len`](RegistersOut::len).
     #[inline]
     pub fn set(&mut self, index: usize, value: u16) {
         self.pairs[index] = value.to_be_bytes();
     }
 
-    /// Sets all of them in order from `values`, as far as both go.
+    /// Sets the registers in order from `values`, up to the shorter of both.
     #[inline]
     pub fn fill_from(&mut self, values: impl IntoIterator<Item = u16>) {
         for (pair, value) in self.pairs.iter_mut().zip(values) {
@@ -105,7 +105,7 @@ impl<'a> RegistersOut<'a> {
         }
     }
 
-    /// Copies `cells` to them, as far as both go.
+    /// Sets the registers in order from `cells`, up to the shorter of both.
     #[inline]
     pub fn copy_from(&mut self, cells: &[u16]) {
         for (pair, cell) in self.pairs.iter_mut().zip(cells) {
@@ -114,7 +114,7 @@ impl<'a> RegistersOut<'a> {
     }
 }
 
-/// Coils of a write request, to be read: eight to a byte, the first in the lowest bit (APP 6.11).
+/// Coils of a write request: eight to a byte, the first in the lowest bit (APP 6.11).
 #[derive(Clone, Copy, Debug)]
 pub struct Coils<'a> {
     bytes: &'a [u8],
@@ -126,32 +126,32 @@ impl<'a> Coils<'a> {
     ///
     /// # Panics
     ///
-    /// Unless `bytes` is as long as so many coils need, and no longer.
+    /// Unless `bytes` is exactly as long as `count` coils need.
     #[inline]
     pub const fn new(bytes: &'a [u8], count: u16) -> Coils<'a> {
         assert!(bytes.len() == bytes_for(count));
         Coils { bytes, count }
     }
 
-    /// Without the check of [`new`](Coils::new), for the server, which has checked already.
+    /// Like [`new`](Coils::new) without the check, for the server, which has checked the length before.
     #[inline(always)]
     pub(crate) const fn of(bytes: &'a [u8], count: u16) -> Coils<'a> {
         Coils { bytes, count }
     }
 
-    /// How many there are.
+    /// The number of coils.
     #[inline]
     pub const fn len(&self) -> u16 {
         self.count
     }
 
-    /// Whether there are none. In a request there always is one.
+    /// Whether there are no coils. A request has at least one.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// The coil at this place in the block, from 0.
+    /// The coil at this index in the block, from 0.
     #[inline]
     pub fn get(&self, index: u16) -> Option<bool> {
         if index >= self.count {
@@ -162,22 +162,22 @@ impl<'a> Coils<'a> {
             .map(|byte| byte >> (index & 7) & 1 != 0)
     }
 
-    /// All of them in order.
+    /// Iterates over the coils in order.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = bool> + 'a {
         let coils = *self;
         (0..self.count).map_while(move |index| coils.get(index))
     }
 
-    /// The bytes as they are in the frame. Bits behind the last coil mean nothing and may be set.
+    /// The bytes as they are in the frame. Bits behind the last coil have no meaning and may be set.
     #[inline]
     pub const fn bytes(&self) -> &'a [u8] {
         self.bytes
     }
 }
 
-/// Coils or discrete inputs of an answer, to be filled in: eight to a byte, the first in the lowest bit (APP 6.1), off as
-/// long as nothing is set.
+/// Coils or discrete inputs of an answer: eight to a byte, the first in the lowest bit (APP 6.1), off unless they are
+/// set.
 #[derive(Debug)]
 pub struct CoilsOut<'a> {
     bytes: &'a mut [u8],
@@ -185,40 +185,40 @@ pub struct CoilsOut<'a> {
 }
 
 impl<'a> CoilsOut<'a> {
-    /// `count` coils to be written to `bytes`.
+    /// A block of `count` coils in `bytes`.
     ///
     /// # Panics
     ///
-    /// Unless `bytes` is as long as so many coils need, and no longer.
+    /// Unless `bytes` is exactly as long as `count` coils need.
     #[inline]
     pub const fn new(bytes: &'a mut [u8], count: u16) -> CoilsOut<'a> {
         assert!(bytes.len() == bytes_for(count));
         CoilsOut { bytes, count }
     }
 
-    /// Without the check of [`new`](CoilsOut::new), for the server, which has checked already.
+    /// Like [`new`](CoilsOut::new) without the check, for the server, which has checked the length before.
     #[inline(always)]
     pub(crate) const fn of(bytes: &'a mut [u8], count: u16) -> CoilsOut<'a> {
         CoilsOut { bytes, count }
     }
 
-    /// How many are asked for.
+    /// The number of coils that were requested.
     #[inline]
     pub const fn len(&self) -> u16 {
         self.count
     }
 
-    /// Whether none is asked for. In a request it always is at least one.
+    /// Whether no coil was requested. A request has at least one.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Sets the coil at this place in the block, from 0.
+    /// Sets the coil at this index in the block, from 0.
     ///
     /// # Panics
     ///
-    /// If `index` is not under [`len`](CoilsOut::len).
+    /// Unless `index` is below [`len`](CoilsOut::len).
     #[inline]
     pub fn set(&mut self, index: u16, on: bool) {
         assert!(index < self.count);
@@ -227,7 +227,7 @@ impl<'a> CoilsOut<'a> {
         *byte = if on { *byte | bit } else { *byte & !bit };
     }
 
-    /// Sets all of them in order from `values`, as far as both go.
+    /// Sets the coils in order from `values`, up to the shorter of both.
     #[inline]
     pub fn fill_from(&mut self, values: impl IntoIterator<Item = bool>) {
         let mut values = values.into_iter();
@@ -242,22 +242,22 @@ impl<'a> CoilsOut<'a> {
                     Some(false) => *byte &= !bit,
                     None => return,
                 }
-                // By one at a time, which is what AVR shifts by.
+                // AVR shifts by one bit at a time.
                 bit <<= 1;
                 bits -= 1;
             }
         }
     }
 
-    /// The bytes as they will be in the frame, one for each eight coils begun. What is set behind the last coil is cleared
-    /// before the answer goes out.
+    /// The bytes as they are in the frame, one for each eight coils begun. Bits behind the last coil are cleared
+    /// before the answer is sent.
     #[inline]
     pub const fn bytes_mut(&mut self) -> &mut [u8] {
         self.bytes
     }
 }
 
-/// Bytes of an answer, to be written one behind the other.
+/// Bytes of an answer, which are appended one by one.
 #[derive(Debug)]
 pub struct BytesOut<'a> {
     bytes: &'a mut [u8],
@@ -266,7 +266,7 @@ pub struct BytesOut<'a> {
 }
 
 impl<'a> BytesOut<'a> {
-    /// Bytes to be written to the start of `bytes`, of which the first 255 are used.
+    /// An empty block of bytes at the start of `bytes`, of which the first 255 are used.
     #[inline]
     pub const fn new(bytes: &'a mut [u8]) -> BytesOut<'a> {
         BytesOut {
@@ -276,7 +276,7 @@ impl<'a> BytesOut<'a> {
         }
     }
 
-    /// One more. Without room it is left out, and so is all that follows.
+    /// Appends a byte. If there is no room for it, it is dropped, and so are all bytes after it.
     #[inline(never)]
     pub fn push(&mut self, byte: u8) {
         match self.bytes.get_mut(usize::from(self.len)) {
@@ -288,35 +288,35 @@ impl<'a> BytesOut<'a> {
         }
     }
 
-    /// These too, such as `b"text"`. What has no room is left out.
+    /// Appends bytes, such as `b"text"`. Bytes without room are dropped.
     pub fn extend(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             self.push(byte);
         }
     }
 
-    /// How many are written.
+    /// The number of bytes that were appended.
     #[inline]
     pub const fn len(&self) -> u8 {
         self.len
     }
 
-    /// Whether none is written.
+    /// Whether no byte was appended.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Whether something had no room.
+    /// Whether a byte was dropped for lack of room.
     #[inline]
     pub const fn overflows(&self) -> bool {
         self.overflows
     }
 }
 
-/// Bytes that hold so many coils.
+/// The number of bytes that `count` coils take.
 #[inline(always)]
 pub(crate) const fn bytes_for(count: u16) -> usize {
-    // Without the sum that could overflow.
+    // A sum such as `count + 7` could overflow.
     (count >> 3) as usize + (count & 7 != 0) as usize
 }

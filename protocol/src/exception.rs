@@ -1,6 +1,6 @@
 //! The exceptions a server answers with (APP 7).
 
-/// Why a server refused a request. Data on the wire, not a fault of the program.
+/// Why a server refused a request. This is data on the wire, not a fault of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Exception {
@@ -12,9 +12,9 @@ pub enum Exception {
     IllegalDataValue = 0x03,
     /// The operation itself failed.
     ServerDeviceFailure = 0x04,
-    /// Accepted, but it takes long.
+    /// The request is accepted, but takes a long time.
     Acknowledge = 0x05,
-    /// Busy with a long operation: ask again later.
+    /// The server is busy with a long operation: send the request again later.
     ServerDeviceBusy = 0x06,
     /// The operation cannot be done now; only older editions of the standard have it.
     NegativeAcknowledge = 0x07,

@@ -1,18 +1,19 @@
-//! The format of a character on the line, and how characters make a frame.
+//! The format of a character on the line, and the framing of bytes.
 
-/// How bytes are carried as characters, and where a frame begins and ends (SER 2.5).
+/// The framing: how bytes are encoded as characters, and what delimits a frame (SER 2.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Framing {
-    /// A byte is a character, a silence ends a frame, a CRC checks it; eight data bits (SER 2.5.1).
+    /// A byte is one character, a silence ends the frame, a CRC checks it; eight data bits (SER 2.5.1).
     Rtu,
-    /// A byte is two hexadecimal digits, a frame stands between `:` and CR LF, an LRC checks it (SER 2.5.2).
+    /// A byte is two hexadecimal digits, `:` begins and CR LF ends the frame, an LRC checks it (SER 2.5.2).
     Ascii,
-    /// What is sent are the bytes themselves, without checks: lines of text for a terminal. What is heard means nothing.
+    /// Bytes are sent as they are, without a check: lines of text for a terminal. Received bytes are ignored.
     Text,
 }
 
 impl Framing {
-    /// Characters of a frame with `len` bytes of unit id, function code and data, or of so many bytes of text.
+    /// The number of characters in a frame with `len` bytes of unit id, function code and data, or in `len` bytes of
+    /// text.
     pub const fn characters(self, len: u8) -> u16 {
         let len = len as u16;
         match self {
@@ -25,21 +26,21 @@ impl Framing {
     }
 }
 
-/// Parity of a character.
+/// The parity of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Parity {
-    /// No parity bit.
+    /// No parity bit is sent.
     None,
-    /// An even number of ones, parity bit included.
+    /// The number of ones is even, parity bit included.
     Even,
-    /// An odd number of ones, parity bit included.
+    /// The number of ones is odd, parity bit included.
     Odd,
 }
 
-/// Data bits, parity and stop bits, by the name they go by.
+/// Data bits, parity and stop bits, as a common short name.
 ///
-/// RTU needs eight data bits; the standard has 8E1 as default and 8N2 where there is no parity (SER 2.5.1), most devices in
-/// the field use 8N1. Seven data bits are for ASCII (SER 2.5.2).
+/// RTU needs eight data bits. The standard has 8E1 as its default, and 8N2 without parity (SER 2.5.1); most devices
+/// in the field use 8N1. Seven data bits are for ASCII (SER 2.5.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LineFormat {
     /// Eight data bits, no parity, one stop bit.
@@ -59,7 +60,7 @@ pub enum LineFormat {
 }
 
 impl LineFormat {
-    /// All there are.
+    /// All formats of the enum, in its order.
     pub const ALL: [LineFormat; 7] = [
         LineFormat::F8N1,
         LineFormat::F8E1,
@@ -70,7 +71,7 @@ impl LineFormat {
         LineFormat::F7N2,
     ];
 
-    /// Data bits: 7 or 8.
+    /// The number of data bits: 7 or 8.
     pub const fn data_bits(self) -> u8 {
         match self {
             LineFormat::F8N1 | LineFormat::F8E1 | LineFormat::F8O1 | LineFormat::F8N2 => 8,
@@ -78,7 +79,7 @@ impl LineFormat {
         }
     }
 
-    /// Parity.
+    /// The parity of the format.
     pub const fn parity(self) -> Parity {
         match self {
             LineFormat::F8N1 | LineFormat::F8N2 | LineFormat::F7N2 => Parity::None,
@@ -87,7 +88,7 @@ impl LineFormat {
         }
     }
 
-    /// Stop bits: 1 or 2.
+    /// The number of stop bits: 1 or 2.
     pub const fn stop_bits(self) -> u8 {
         match self {
             LineFormat::F8N2 | LineFormat::F7N2 => 2,
@@ -95,7 +96,7 @@ impl LineFormat {
         }
     }
 
-    /// Bit times of a whole character: start, data, parity and stop bits, 10 or 11.
+    /// The bit times of a whole character with start, data, parity and stop bits: 10 or 11.
     pub const fn character_bits(self) -> u8 {
         let parity = match self.parity() {
             Parity::None => 0,
@@ -104,7 +105,7 @@ impl LineFormat {
         1 + self.data_bits() + parity + self.stop_bits()
     }
 
-    /// The format of this name, such as `"8E1"`; `None` for any other text. Upper case only.
+    /// The format with this name, such as `"8E1"`, in upper case; `None` for any other text.
     pub const fn from_name(name: &str) -> Option<LineFormat> {
         Some(match name.as_bytes() {
             b"8N1" => LineFormat::F8N1,
@@ -118,7 +119,7 @@ impl LineFormat {
         })
     }
 
-    /// The name, such as `"8E1"`.
+    /// The name of the format, such as `"8E1"`.
     pub const fn name(self) -> &'static str {
         match self {
             LineFormat::F8N1 => "8N1",

@@ -36,12 +36,12 @@ pub const MASK_WRITE_REGISTER: u8 = 0x16;
 pub const READ_WRITE_REGISTERS: u8 = 0x17;
 /// Read FIFO Queue (APP 6.18).
 pub const READ_FIFO_QUEUE: u8 = 0x18;
-/// Encapsulated Interface Transport (APP 6.19), of which a serial line has [`READ_DEVICE_ID`].
+/// Encapsulated Interface Transport (APP 6.19). A serial line uses its MEI type [`READ_DEVICE_ID`].
 pub const ENCAPSULATED_INTERFACE: u8 = 0x2B;
 /// Read Device Identification, an MEI type of [`ENCAPSULATED_INTERFACE`] (APP 6.21).
 pub const READ_DEVICE_ID: u8 = 0x0E;
 
-/// Set in the function code of an exception answer (APP 7).
+/// The bit of the function code that marks an exception answer (APP 7).
 pub const EXCEPTION_BIT: u8 = 0x80;
 
 /// Coils or discrete inputs one request may read, from 1 (APP 6.1, 6.2).
@@ -58,14 +58,14 @@ pub const READ_WRITE_REGISTERS_MAX: u16 = 121;
 pub const FIFO_MAX: u16 = 31;
 /// The last record number of a file (APP 6.14).
 pub const RECORD_MAX: u16 = 9999;
-/// What stands for a record of a file, the only reference type there is (APP 6.14).
+/// The reference type of a file record, the only one in the standard (APP 6.14).
 pub const REFERENCE_TYPE: u8 = 0x06;
 /// Events that an answer to Get Comm Event Log may hold (APP 6.10).
 pub const EVENTS_MAX: usize = 64;
 
-/// What Write Single Coil has to carry for on; off is 0x0000 and everything else is refused (APP 6.5).
+/// The value that switches a coil on in Write Single Coil; [`COIL_OFF`] is the only other one allowed (APP 6.5).
 pub const COIL_ON: u16 = 0xFF00;
-/// See [`COIL_ON`].
+/// The value that switches a coil off in Write Single Coil (APP 6.5).
 pub const COIL_OFF: u16 = 0x0000;
 
 /// Bytes of the longest PDU, function code included (APP 4.1).

@@ -1,19 +1,19 @@
-//! Modbus on a serial line: bytes to meaning, and back.
+//! Modbus on a serial line, without I/O.
 //!
-//! The crate knows no pins, no tasks and no clock. It is compiled for an ATmega328P with 2 KB of RAM as well as for a PC, so
-//! it allocates nothing, keeps no table in RAM on AVR, formats no text and does no 64-bit arithmetic.
+//! The crate knows no pins, no tasks and no clock. It is compiled for an ATmega328P with 2 KB of RAM as well as for a
+//! PC, so it allocates nothing, keeps no table in RAM on AVR, formats no text and does no 64-bit arithmetic.
 //!
-//! | module | what it is |
+//! | module | content |
 //! |---|---|
-//! | [`crc`] | the check of an RTU frame, byte by byte |
+//! | [`crc`] | the CRC of an RTU frame, byte by byte |
 //! | [`format`](mod@format) | data bits, parity and stop bits of a character |
 //! | [`timing`] | character time, t1.5 and t3.5 in the caller's ticks |
-//! | [`rtu`], [`ascii`] | a frame put together and taken apart byte by byte, or whole |
+//! | [`rtu`], [`ascii`] | encoding and decoding of frames, byte by byte or whole |
 //! | [`function`], [`exception`] | codes and limits of the standard |
-//! | [`data`] | blocks of coils and registers as they stand in a frame |
-//! | [`server`] | a request in, an answer out, in one buffer |
-//! | [`sniffer`] | frames of others: which answers which, as text |
-//! | [`client`] | a request made, an answer held against it |
+//! | [`data`] | blocks of coils and registers as they are encoded in a frame |
+//! | [`server`] | handling of requests: request and answer in one buffer |
+//! | [`sniffer`] | pairing of observed requests and answers, lines of text |
+//! | [`client`] | requests, and the check of their answers |
 //! | [`number`] | wider numbers and text across registers |
 //! | [`registers`] | banks of registers and coils for a data model, rules on what may be written |
 //! | [`port_registers`] | the register set of a port, `MB_xxx` |
@@ -45,15 +45,16 @@ pub mod server;
 pub mod sniffer;
 pub mod timing;
 
-/// The unit id that every server listens to and none answers (SER 2.2).
+/// The unit id of a broadcast, which every server executes and none answers (SER 2.2).
 pub const BROADCAST: u8 = 0;
 
-/// Unit ids a server may have, both ends included; 248..=255 are reserved (SER 2.2).
+/// The lowest unit id of a server (SER 2.2).
 pub const UNIT_MIN: u8 = 1;
-/// See [`UNIT_MIN`].
+/// The highest unit id of a server; 248..=255 are reserved (SER 2.2).
 pub const UNIT_MAX: u8 = 247;
 
-/// The buffer a frame lives in from the first byte received to the last byte sent: the longest RTU frame (SER 2.5.1).
+/// The buffer of a frame, from the first byte received to the last byte sent: the size of the longest RTU frame (SER
+/// 2.5.1).
 ///
-/// The size lets a `u8` be the index, which costs no bounds check.
+/// A `u8` indexes this size without a bounds check.
 pub type Adu = [u8; 256];

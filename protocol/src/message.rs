@@ -1,11 +1,11 @@
-//! Text put together at compile time: `panic!` in a `const` takes one finished `&str` and formats nothing.
+//! Text that is assembled at compile time: `panic!` in a `const` takes one complete `&str` and formats nothing.
 //!
-//! For the checks of configuration here, in the firmware and in boards: a build error that names what is wrong. Nothing of it
-//! is in an image whose messages are all made in a `const`.
+//! Configuration checks here, in the firmware and in boards use it for build errors that name the wrong value. An
+//! image whose messages are all made in a `const` contains nothing of it.
 
 const CAPACITY: usize = 160;
 
-/// A message under construction. What exceeds its 160 bytes is cut.
+/// A message under construction. Text beyond 160 bytes is cut.
 #[derive(Clone, Copy, Debug)]
 pub struct Message {
     text: [u8; CAPACITY],
@@ -13,7 +13,7 @@ pub struct Message {
 }
 
 impl Message {
-    /// An empty one.
+    /// A message without text.
     #[allow(clippy::new_without_default)]
     pub const fn new() -> Self {
         Self {
@@ -22,7 +22,7 @@ impl Message {
         }
     }
 
-    /// With this text behind it.
+    /// Appends this text.
     pub const fn text(mut self, text: &str) -> Self {
         let bytes = text.as_bytes();
         let mut i = 0;
@@ -34,7 +34,7 @@ impl Message {
         self
     }
 
-    /// With this number, in decimal digits, behind it.
+    /// Appends this number in decimal digits.
     pub const fn number(self, value: u32) -> Self {
         let mut digits = [0; 10];
         let mut start = digits.len();
@@ -54,7 +54,7 @@ impl Message {
         }
     }
 
-    /// What it says.
+    /// The text of the message.
     pub const fn as_str(&self) -> &str {
         let (text, _) = self.text.split_at(self.len);
         match core::str::from_utf8(text) {
@@ -63,7 +63,7 @@ impl Message {
         }
     }
 
-    /// Stops the build with it.
+    /// Stops the build with the message.
     ///
     /// # Panics
     ///

@@ -1,7 +1,7 @@
 //! Numbers of more than 16 bits, and text, in registers.
 //!
-//! The standard knows registers of 16 bits only. How a device spreads a wider number over two or four of them is its own
-//! choice; four ways are in use, named after the places to which the bytes `ABCD` of a number go, `A` the highest
+//! The standard knows only registers of 16 bits. Devices differ in how they store a wider number in two or four
+//! registers. Four orders are in use, named after the places of the bytes `ABCD` of a number, `A` being the highest
 //! ([`Order`]).
 //!
 //! ```
@@ -12,11 +12,11 @@
 //! assert_eq!(Order::Cdab.from_f32(12.5), [0x0000, 0x4148]);
 //! ```
 
-/// The order in which the bytes of a number stand in registers, from the high byte of the first register on.
+/// The order of the bytes of a number in registers, from the high byte of the first register on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Order {
-    /// The high word first, the high byte of each first: `AB CD`, `AB CD EF GH`. What the standard does within a register
-    /// and iDevOS across two: `hi * 65536 + lo`.
+    /// The high word first, the high byte of each first: `AB CD`, `AB CD EF GH`. The standard's order within a
+    /// register, and that of iDevOS across two: `hi * 65536 + lo`.
     Abcd,
     /// The low word first, the high byte of each first: `CD AB`, `GH EF CD AB`.
     Cdab,
@@ -27,7 +27,7 @@ pub enum Order {
 }
 
 impl Order {
-    /// All there are.
+    /// All orders of the enum, in its order.
     pub const ALL: [Order; 4] = [Order::Abcd, Order::Cdab, Order::Badc, Order::Dcba];
 
     const fn low_word_first(self) -> bool {
@@ -38,7 +38,7 @@ impl Order {
         matches!(self, Order::Badc | Order::Dcba)
     }
 
-    /// A word of a number as its register holds it, or back.
+    /// Swaps the bytes of a word if this order demands it; the reverse is the same operation.
     const fn word(self, word: u16) -> u16 {
         if self.low_byte_first() {
             word.swap_bytes()
@@ -47,7 +47,7 @@ impl Order {
         }
     }
 
-    /// Two registers as a number.
+    /// The number in two registers.
     pub const fn u32(self, registers: [u16; 2]) -> u32 {
         let [first, second] = registers;
         let (high, low) = if self.low_word_first() {
@@ -58,7 +58,7 @@ impl Order {
         (self.word(high) as u32) << 16 | self.word(low) as u32
     }
 
-    /// A number as two registers.
+    /// The two registers of a number.
     pub const fn from_u32(self, value: u32) -> [u16; 2] {
         let (high, low) = (self.word((value >> 16) as u16), self.word(value as u16));
         if self.low_word_first() {
@@ -68,27 +68,27 @@ impl Order {
         }
     }
 
-    /// Two registers as a number in two's complement.
+    /// The number in two registers, in two's complement.
     pub const fn i32(self, registers: [u16; 2]) -> i32 {
         self.u32(registers) as i32
     }
 
-    /// A number as two registers, in two's complement.
+    /// The two registers of a number, in two's complement.
     pub const fn from_i32(self, value: i32) -> [u16; 2] {
         self.from_u32(value as u32)
     }
 
-    /// Two registers as an IEEE 754 single. Every bit pattern is one, among them infinities and NaN.
+    /// The IEEE 754 single in two registers. Every bit pattern is one, among them infinities and NaN.
     pub const fn f32(self, registers: [u16; 2]) -> f32 {
         f32::from_bits(self.u32(registers))
     }
 
-    /// An IEEE 754 single as two registers, bit by bit.
+    /// The two registers of an IEEE 754 single, bit by bit.
     pub const fn from_f32(self, value: f32) -> [u16; 2] {
         self.from_u32(value.to_bits())
     }
 
-    /// Four registers as a number.
+    /// The number in four registers.
     pub const fn u64(self, registers: [u16; 4]) -> u64 {
         let [a, b, c, d] = registers;
         let (high, low) = if self.low_word_first() {
@@ -99,7 +99,7 @@ impl Order {
         (self.u32(high) as u64) << 32 | self.u32(low) as u64
     }
 
-    /// A number as four registers.
+    /// The four registers of a number.
     pub const fn from_u64(self, value: u64) -> [u16; 4] {
         let [a, b] = self.from_u32((value >> 32) as u32);
         let [c, d] = self.from_u32(value as u32);
@@ -110,33 +110,33 @@ impl Order {
         }
     }
 
-    /// Four registers as a number in two's complement.
+    /// The number in four registers, in two's complement.
     pub const fn i64(self, registers: [u16; 4]) -> i64 {
         self.u64(registers) as i64
     }
 
-    /// A number as four registers, in two's complement.
+    /// The four registers of a number, in two's complement.
     pub const fn from_i64(self, value: i64) -> [u16; 4] {
         self.from_u64(value as u64)
     }
 
-    /// Four registers as an IEEE 754 double. Every bit pattern is one, among them infinities and NaN.
+    /// The IEEE 754 double in four registers. Every bit pattern is one, among them infinities and NaN.
     pub const fn f64(self, registers: [u16; 4]) -> f64 {
         f64::from_bits(self.u64(registers))
     }
 
-    /// An IEEE 754 double as four registers, bit by bit.
+    /// The four registers of an IEEE 754 double, bit by bit.
     pub const fn from_f64(self, value: f64) -> [u16; 4] {
         self.from_u64(value.to_bits())
     }
 
-    /// Text as registers, two bytes in each, all of `registers`: what the text leaves is filled with `pad`. It is the order
-    /// of the bytes that counts here: text has no high and low word, so that `Abcd` and `Cdab` are the same, and `Badc` and
-    /// `Dcba`.
+    /// Writes text to registers, two bytes in each; `pad` fills the registers behind the text. Only the order of the
+    /// bytes within a register counts: text has no high and low word, so `Abcd` and `Cdab` are equal, and so are
+    /// `Badc` and `Dcba`.
     ///
     /// # Errors
     ///
-    /// [`TextError::Room`]; nothing is changed then.
+    /// [`TextError::Room`]; `registers` is unchanged.
     pub const fn from_text(
         self,
         text: &str,
@@ -161,11 +161,11 @@ impl Order {
         Ok(())
     }
 
-    /// The text in registers, put together at the start of `room`. It ends where nothing but padding follows.
+    /// Reads the text in registers to the start of `room`. The text ends where only padding follows.
     ///
     /// # Errors
     ///
-    /// [`TextError`] if it does not fit or is no text.
+    /// [`TextError`] if the text does not fit or is not UTF-8.
     pub const fn text<'a>(
         self,
         registers: &[u16],
@@ -196,13 +196,13 @@ impl Order {
         }
     }
 
-    /// The byte of a text at this place.
+    /// The byte at this place of a text in registers.
     const fn byte_at(self, registers: &[u16], place: usize) -> u8 {
         self.word(registers[place / 2]).to_be_bytes()[place % 2]
     }
 }
 
-/// The byte of a text at this place, or what stands in for it.
+/// The byte at this place of a text, or a byte of padding behind its end.
 const fn byte_or(text: &[u8], place: usize, pad: Pad) -> u8 {
     if place < text.len() {
         text[place]
@@ -211,12 +211,12 @@ const fn byte_or(text: &[u8], place: usize, pad: Pad) -> u8 {
     }
 }
 
-/// What fills the registers behind a text.
+/// The padding behind a text in registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Pad {
-    /// Bytes of 0.
+    /// Bytes with the value 0.
     Zero,
-    /// Spaces. Those that the text itself ends with are lost when it is read back.
+    /// Space characters. Spaces at the end of the text itself are lost when it is read.
     Space,
 }
 
@@ -229,19 +229,19 @@ impl Pad {
     }
 }
 
-/// Why text cannot be put into registers, or got out of them.
+/// Why text cannot be written to registers, or read from them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TextError {
-    /// It is longer than the room for it, in bytes: the caller's fault.
+    /// The text is longer than the room for it, in bytes. The caller is to blame.
     Room {
-        /// What there is.
+        /// The bytes that there is room for.
         room: usize,
-        /// What the text needs.
+        /// The bytes that the text needs.
         needed: usize,
     },
-    /// What the registers hold is not UTF-8: the peer's fault.
+    /// The content of the registers is not UTF-8. The peer is to blame.
     Utf8 {
-        /// The first byte of the text that is not.
+        /// The place of the first byte that is not UTF-8.
         place: usize,
     },
 }

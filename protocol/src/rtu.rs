@@ -1,10 +1,11 @@
 //! The RTU frame: unit id, PDU, CRC (SER 2.5.1).
 //!
-//! On a microcontroller [`Reception`] and [`Transmission`] run in the interrupt: the CRC is computed byte by byte while the
-//! frame is on its way, so that nothing is left to compute in the silence behind it. What they hand over and take is the
-//! frame without the CRC, `[unit, function, data...]` in an [`Adu`]. [`encode`] and [`decode`] do the same for a frame that
-//! is there as a whole.
+//! On a microcontroller [`Reception`] and [`Transmission`] run in the interrupt. The CRC is computed byte by byte
+//! while the frame is received or sent, so nothing is left to compute in the silence after it. They take and give the
+//! frame without the CRC, `[unit, function, data...]`, in an [`Adu`]. [`encode`] and [`decode`] convert a whole
+//! frame.
 
+use core::fmt;
 use core::ops::{BitOr, BitOrAssign};
 
 use crate::Adu;
@@ -15,17 +16,17 @@ pub const ADU_MIN: usize = 4;
 /// Bytes of the longest RTU frame (SER 2.5.1).
 pub const ADU_MAX: usize = 256;
 
-/// Bytes that the CRC adds behind unit id and PDU.
+/// Bytes of the CRC behind unit id and PDU.
 const CRC_LEN: u8 = 2;
 
-/// What is wrong with a frame; empty if nothing is.
+/// The errors of a received frame; empty for a good frame.
 ///
-/// A frame with any flaw is dropped and never answered (SER 2.5.1.1, 2.5.1.3, 2.5.2).
+/// A frame with an error is dropped and never answered (SER 2.5.1.1, 2.5.1.3, 2.5.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct ReceiveErrors(u8);
 
 impl ReceiveErrors {
-    /// Nothing is wrong.
+    /// No error: the frame is good.
     pub const NONE: ReceiveErrors = ReceiveErrors(0);
     /// A silence over t1.5 inside an RTU frame, over a second inside an ASCII frame (SER 2.5.1.1, 2.5.2).
     pub const GAP: ReceiveErrors = ReceiveErrors(1 << 0);
@@ -33,7 +34,7 @@ impl ReceiveErrors {
     pub const PARITY: ReceiveErrors = ReceiveErrors(1 << 1);
     /// A character without its stop bit.
     pub const FRAMING: ReceiveErrors = ReceiveErrors(1 << 2);
-    /// A character lost because the one before was not fetched in time.
+    /// A character was lost because the one before was not read in time.
     pub const OVERRUN: ReceiveErrors = ReceiveErrors(1 << 3);
     /// Under 4 or over 256 bytes; in ASCII under 9 or over 513 characters, or an odd number of digits.
     pub const LENGTH: ReceiveErrors = ReceiveErrors(1 << 4);
@@ -42,8 +43,8 @@ impl ReceiveErrors {
     /// A character that ASCII does not allow where it stands.
     pub const CHARACTER: ReceiveErrors = ReceiveErrors(1 << 6);
 
-    /// As it is the frame is too short, but its first character is kept elsewhere until the buffer is free. Nobody but the
-    /// line sees the bit without a name.
+    /// The frame is too short so far, but its first character is kept elsewhere until the buffer is free. Only the
+    /// line uses this bit.
     pub(crate) const KEPT: ReceiveErrors = ReceiveErrors(1 << 7 | ReceiveErrors::LENGTH.0);
 
     /// Whether the frame is good.
@@ -52,25 +53,25 @@ impl ReceiveErrors {
         self.0 == 0
     }
 
-    /// Whether all of `other` is among these.
+    /// Whether these errors include all of `other`.
     #[inline(always)]
     pub const fn contains(self, other: ReceiveErrors) -> bool {
         self.0 & other.0 == other.0
     }
 
-    /// These and `other`.
+    /// The errors of both.
     #[inline(always)]
     pub const fn union(self, other: ReceiveErrors) -> ReceiveErrors {
         ReceiveErrors(self.0 | other.0)
     }
 
-    /// One bit per flaw, for a log or an atomic.
+    /// One bit for each error, for a log or an atomic.
     #[inline(always)]
     pub const fn bits(self) -> u8 {
         self.0
     }
 
-    /// The errors of [`bits`](ReceiveErrors::bits); bits without a meaning are dropped.
+    /// The errors of [`bits`](ReceiveErrors::bits); unknown bits are ignored.
     #[inline(always)]
     pub const fn from_bits(bits: u8) -> ReceiveErrors {
         ReceiveErrors(bits & 0x7F)
@@ -92,19 +93,43 @@ impl BitOrAssign for ReceiveErrors {
     }
 }
 
-/// A frame that is over.
+/// The names of the errors, as in `gap, parity error`.
+impl fmt::Display for ReceiveErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const NAMES: [(ReceiveErrors, &str); 7] = [
+            (ReceiveErrors::GAP, "gap"),
+            (ReceiveErrors::PARITY, "parity error"),
+            (ReceiveErrors::FRAMING, "framing error"),
+            (ReceiveErrors::OVERRUN, "overrun"),
+            (ReceiveErrors::LENGTH, "wrong length"),
+            (ReceiveErrors::CHECK, "CRC or LRC error"),
+            (ReceiveErrors::CHARACTER, "invalid character"),
+        ];
+        if self.is_empty() {
+            return f.write_str("no error");
+        }
+        let found = NAMES.iter().filter(|(error, _)| self.contains(*error));
+        for (index, (_, name)) in found.enumerate() {
+            f.write_str(if index > 0 { ", " } else { "" })?;
+            f.write_str(name)?;
+        }
+        Ok(())
+    }
+}
+
+/// The result of a reception.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
-    /// Bytes of unit id and PDU at the start of the buffer, without CRC or LRC: 2..=254 in a frame without errors, 0..=254 in
-    /// one with.
+    /// Bytes of unit id and PDU at the start of the buffer, without CRC or LRC: 2..=254 in a good frame, 0..=254 in a
+    /// damaged one.
     pub len: u8,
-    /// What was wrong with it.
+    /// The errors of the frame.
     pub errors: ReceiveErrors,
 }
 
-/// Puts a frame together as its bytes come in.
+/// Assembles a frame from its bytes.
 ///
-/// The bytes go to a buffer the caller keeps, so that it can be lent on without a copy.
+/// The bytes go to a buffer of the caller, so that it can be lent on without a copy.
 #[derive(Clone, Copy, Debug)]
 pub struct Reception {
     sum: Sum,
@@ -114,7 +139,7 @@ pub struct Reception {
 }
 
 impl Reception {
-    /// Ready for the first byte of a frame.
+    /// An empty frame, ready for its first byte.
     #[inline(always)]
     pub const fn new() -> Reception {
         Reception {
@@ -125,8 +150,8 @@ impl Reception {
         }
     }
 
-    /// What a driver has kept in a shape of its own: the CRC over all bytes, their number modulo 256, and whether the buffer
-    /// is full.
+    /// A reception from the values that a driver keeps: the CRC over all bytes, their number modulo 256, and whether
+    /// the buffer is full.
     #[inline(always)]
     pub const fn from_parts(crc: u16, len: u8, full: bool) -> Reception {
         Reception {
@@ -137,19 +162,20 @@ impl Reception {
         }
     }
 
-    /// Forgets what has come in.
+    /// Drops what was received.
     #[inline(always)]
     pub fn restart(&mut self) {
         *self = Reception::new();
     }
 
-    /// Whether nothing has come in since the start: no byte and no flaw.
+    /// Whether nothing was received since the start: neither a byte nor an error.
     #[inline(always)]
     pub const fn is_empty(&self) -> bool {
         self.len == 0 && !self.full && self.errors.is_empty()
     }
 
-    /// Takes the next byte. Those that no longer fit are dropped and make the frame bad: returns whether it did fit.
+    /// Takes the next byte; returns whether it fits into the buffer. A byte that does not fit is dropped and makes
+    /// the frame bad.
     #[inline(always)]
     pub fn push(&mut self, adu: &mut Adu, byte: u8) -> bool {
         if self.full {
@@ -165,13 +191,13 @@ impl Reception {
         true
     }
 
-    /// Notes what the line found wrong.
+    /// Adds errors that the line has found.
     #[inline(always)]
     pub fn add(&mut self, errors: ReceiveErrors) {
         self.errors |= errors;
     }
 
-    /// What has come in so far, taken for a whole frame.
+    /// The frame as received so far, as if it were complete.
     #[inline]
     pub const fn finish(&self) -> Received {
         let mut errors = self.errors;
@@ -184,7 +210,7 @@ impl Reception {
                 errors: errors.union(ReceiveErrors::LENGTH),
             };
         }
-        // A full buffer has gone round to 0, and 0 - 2 is 254 as it should be.
+        // The length of a full buffer has wrapped to 0, and 0 - 2 wraps to 254.
         Received {
             len: self.len.wrapping_sub(CRC_LEN),
             errors,
@@ -198,7 +224,7 @@ impl Default for Reception {
     }
 }
 
-/// Hands a frame out byte by byte, and its CRC behind it.
+/// Gives the bytes of a frame one by one, and then its CRC.
 #[derive(Clone, Copy, Debug)]
 pub struct Transmission {
     sum: Sum,
@@ -208,7 +234,7 @@ pub struct Transmission {
 }
 
 impl Transmission {
-    /// Nothing to send.
+    /// A transmission without a frame.
     #[inline(always)]
     pub const fn new() -> Transmission {
         Transmission {
@@ -230,7 +256,7 @@ impl Transmission {
         };
     }
 
-    /// The next byte to send, `None` when the frame is over.
+    /// The next byte to send, or `None` after the last one.
     #[inline(always)]
     pub fn next(&mut self, adu: &Adu) -> Option<u8> {
         if self.position != self.len {
@@ -246,7 +272,7 @@ impl Transmission {
         Some(self.sum.take_check_byte())
     }
 
-    /// The next byte without a check behind them, `None` when there is no more.
+    /// The next byte of text, which has no CRC, or `None` after the last one.
     #[inline(always)]
     pub fn next_text(&mut self, adu: &Adu) -> Option<u8> {
         if self.is_text_over() {
@@ -257,13 +283,13 @@ impl Transmission {
         Some(byte)
     }
 
-    /// Whether [`next_text`](Transmission::next_text) has nothing more to give.
+    /// Whether all bytes of text have been sent.
     #[inline(always)]
     pub const fn is_text_over(&self) -> bool {
         self.position == self.len
     }
 
-    /// Whether [`next`](Transmission::next) has nothing more to give.
+    /// Whether all bytes of the frame have been sent.
     #[inline(always)]
     pub const fn is_over(&self) -> bool {
         // The CRC comes last.
@@ -277,7 +303,7 @@ impl Default for Transmission {
     }
 }
 
-/// Why a frame cannot be made: the caller's fault.
+/// Why a frame cannot be encoded. The caller is to blame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EncodeError {
     /// Unit id and PDU are not 2..=254 bytes.
@@ -286,11 +312,11 @@ pub enum EncodeError {
     Room,
 }
 
-/// Makes a frame of unit id and PDU: the same bytes with their CRC behind them, at the start of `out`.
+/// Encodes unit id and PDU as a frame with its CRC, at the start of `out`.
 ///
 /// # Errors
 ///
-/// [`EncodeError`]; `out` is untouched then.
+/// [`EncodeError`]; `out` is unchanged.
 pub fn encode<'a>(unit_pdu: &[u8], out: &'a mut [u8]) -> Result<&'a [u8], EncodeError> {
     let len = unit_pdu.len();
     if !(ADU_MIN - 2..=ADU_MAX - 2).contains(&len) {
@@ -303,7 +329,7 @@ pub fn encode<'a>(unit_pdu: &[u8], out: &'a mut [u8]) -> Result<&'a [u8], Encode
     Ok(frame)
 }
 
-/// Unit id and PDU of a whole frame.
+/// Decodes a whole frame to unit id and PDU.
 ///
 /// # Errors
 ///

@@ -1,53 +1,53 @@
-//! What a port that only listens makes of the frames it hears: which is a request, which answers it, and a line of text for
-//! each.
+//! The sniffer of a port that only listens: tells requests from answers, and formats each frame as a line of text.
 //!
-//! Nothing in a frame says which way it goes; an answer is known by what it follows, and by its shape. Where the shape leaves
-//! both open, time tells and repetition. Functions 05, 06, 08, 15 and 16 are answered with the same bytes, so the same bytes
-//! are the answer if they come within the time that an answer takes to begin, and after that the request once more. Those of
-//! other functions are never answered with the same bytes. Three bytes of coils or discrete inputs look like a request at
-//! 0x0300 to 0x03FF: they are the answer to a request of so many, within that time.
+//! A frame does not contain its direction; an answer is recognised by the request before it and by its shape. Where
+//! the shape allows both, time and repetition decide. Functions 05, 06, 08, 15 and 16 are answered with the bytes of
+//! the request. If they are repeated within the time in which an answer begins, they are the answer; after that, they
+//! are the request sent again. Other functions are never answered with the bytes of the request. Three bytes of coils
+//! or discrete inputs look like a request at 0x0300 to 0x03FF: within that time, they are the answer to a request for
+//! that number.
 
 use crate::BROADCAST;
 use crate::crc;
 use crate::function::{self, EXCEPTION_BIT};
 use crate::rtu::ReceiveErrors;
 
-/// Which way a frame goes.
+/// The direction of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// From the client.
     Request,
-    /// From the server that was asked last.
+    /// From the server that was addressed last.
     Answer,
-    /// From the server that was asked last: it refuses.
+    /// From the server that was addressed last: an exception.
     Exception,
 }
 
-/// What was heard, counted since the start. The counters go round.
+/// Counts of the frames since the start. The counters wrap around.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Requests, broadcasts included.
+    /// The number of requests, broadcasts included.
     pub requests: u32,
-    /// Requests to unit 0.
+    /// The number of requests to unit 0.
     pub broadcasts: u32,
-    /// Answers, exceptions not included.
+    /// The number of answers, exceptions not included.
     pub answers: u32,
-    /// Exceptions.
+    /// The number of exceptions.
     pub exceptions: u32,
-    /// Requests to a unit that another request followed before any answer.
+    /// The number of requests that were followed by another request instead of an answer.
     pub unanswered: u32,
-    /// Damaged frames.
+    /// The number of damaged frames.
     pub damaged: u32,
 }
 
-/// A request that is not answered yet.
+/// A request without an answer so far.
 #[derive(Clone, Copy, Debug)]
 struct Asked {
     unit: u8,
     function: u8,
     len: u8,
     crc: u16,
-    /// The first data: an address and a number, mostly.
+    /// The first bytes of data, in most functions an address and a number.
     head: [u8; 4],
     time_us: u64,
 }
@@ -69,14 +69,14 @@ impl Asked {
         frame.len() == usize::from(self.len) && crc::checksum(frame) == self.crc
     }
 
-    /// Whether the answer has as many coils or discrete inputs as were asked for.
+    /// Whether the answer has the number of coils or discrete inputs that was requested.
     fn has_bits(&self, count: u8) -> bool {
         let [.., high, low] = self.head;
         u16::from_be_bytes([high, low]).div_ceil(8) == count.into()
     }
 }
 
-/// Pairs requests with answers, and counts.
+/// Pairs requests with answers, and counts them.
 #[derive(Clone, Copy, Debug)]
 pub struct Sniffer {
     asked: Option<Asked>,
@@ -85,12 +85,12 @@ pub struct Sniffer {
 }
 
 impl Sniffer {
-    /// How long after a request what may be either is its answer, in ms, if not said otherwise: longer than servers take,
-    /// shorter than most clients wait before they ask once more.
+    /// The default of the time in ms after a request within which an ambiguous frame is its answer: longer than
+    /// servers take, shorter than most clients wait before a retry.
     pub const PATIENCE_MS: u32 = 200;
 
-    /// Nothing heard yet. What may be either is an answer within `patience_ms` of the request: no longer than the client's
-    /// timeout.
+    /// A sniffer that has received nothing. An ambiguous frame within `patience_ms` after a request is its answer;
+    /// use no more than the client's timeout.
     pub const fn new(patience_ms: u32) -> Sniffer {
         Sniffer {
             asked: None,
@@ -106,12 +106,12 @@ impl Sniffer {
         }
     }
 
-    /// The counters.
+    /// The counts since the start.
     pub const fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// A good frame: unit id, function code and data, and when it was over, in us since any moment.
+    /// Takes a good frame (unit id, function code and data) and the time of its end in us; returns its direction.
     pub fn frame(&mut self, frame: &[u8], time_us: u64) -> Direction {
         let direction = self.direction(frame, time_us);
         let count = |counter: &mut u32| *counter = counter.wrapping_add(1);
@@ -135,7 +135,7 @@ impl Sniffer {
         direction
     }
 
-    /// A damaged frame. Whether it was the answer nobody can tell: the request stays open.
+    /// Counts a damaged frame. It may have been the answer or not, so the request stays open.
     pub fn damaged(&mut self) {
         self.counts.damaged = self.counts.damaged.wrapping_add(1);
     }
@@ -171,15 +171,15 @@ impl Sniffer {
     }
 }
 
-/// How much an answer looks like a request of the same function.
+/// How much an answer looks like a request with the same function code.
 enum Likeness {
-    /// It is the same, byte for byte.
+    /// The answer repeats the bytes of the request.
     Same,
-    /// It may be, or anything else.
+    /// The answer may have any bytes.
     Any,
-    /// One of three bytes of coils or discrete inputs may look like another request.
+    /// An answer with three bytes of coils or discrete inputs may look like another request.
     Bits,
-    /// Not at all.
+    /// The answer never looks like a request.
     None,
 }
 
@@ -202,14 +202,14 @@ const fn likeness(function: u8) -> Likeness {
         | function::READ_WRITE_REGISTERS
         | function::READ_FIFO_QUEUE
         | function::ENCAPSULATED_INTERFACE => Likeness::None,
-        // Diagnostics and what is the application's.
+        // Diagnostics and functions of the application.
         _ => Likeness::Any,
     }
 }
 
-/// Whether data behind this function code may be an answer's.
+/// Whether the data after this function code can be that of an answer.
 fn may_answer(function: u8, data: &[u8]) -> bool {
-    // A block behind its byte count.
+    // A byte count and that number of bytes.
     let counted = |data: &[u8]| match data {
         [count, rest @ ..] => usize::from(*count) == rest.len(),
         [] => false,
@@ -239,12 +239,12 @@ fn may_answer(function: u8, data: &[u8]) -> bool {
     }
 }
 
-/// Where a line of text goes, piece by piece.
+/// The destination of a line of text.
 pub trait Text {
-    /// One more character of ASCII.
+    /// Appends one ASCII character.
     fn push(&mut self, character: u8);
 
-    /// More of them.
+    /// Appends ASCII characters.
     fn extend(&mut self, text: &[u8]) {
         for &character in text {
             self.push(character);
@@ -252,11 +252,11 @@ pub trait Text {
     }
 }
 
-/// The longest line, in characters: a time of 20 digits, and a frame of 254 bytes.
+/// The characters of the longest line: a time of 20 digits, and a frame of 254 bytes.
 pub const LINE_MAX: usize = 20 + 1 + 1 + 3 + 3 * 254 + 2;
 
-/// Writes a frame as a line: seconds with six decimals, `req`, `ans` or `exc`, the bytes of unit id and PDU in hexadecimal,
-/// CR and LF. Such as `12.345678 req 11 03 00 6B 00 03`.
+/// Writes a frame as a line: seconds with six decimals, `req`, `ans` or `exc`, the bytes of unit id and PDU in
+/// hexadecimal, CR and LF. Example: `12.345678 req 11 03 00 6B 00 03`.
 pub fn write_frame(text: &mut impl Text, time_us: u64, direction: Direction, frame: &[u8]) {
     write_time(text, time_us);
     text.extend(match direction {
@@ -272,7 +272,7 @@ pub fn write_frame(text: &mut impl Text, time_us: u64, direction: Direction, fra
     text.extend(b"\r\n");
 }
 
-/// Writes a damaged frame as a line: time, `bad`, and each flaw by name. Such as `12.345678 bad gap check`.
+/// Writes a damaged frame as a line: time, `bad`, and the name of each error. Example: `12.345678 bad gap check`.
 pub fn write_damaged(text: &mut impl Text, time_us: u64, errors: ReceiveErrors) {
     write_time(text, time_us);
     text.extend(b" bad");
@@ -298,7 +298,7 @@ fn write_time(text: &mut impl Text, time_us: u64) {
     write_number(text, time_us % 1_000_000, 6);
 }
 
-/// In decimal, with leading zeros up to so many digits.
+/// Writes a number in decimal, with leading zeros up to `digits` digits.
 fn write_number(text: &mut impl Text, number: u64, digits: usize) {
     let mut written = [b'0'; 20];
     let mut first = written.len();

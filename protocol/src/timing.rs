@@ -1,29 +1,31 @@
-//! Times on the line, in ticks of whatever timer the caller has, rounded up.
+//! Times on the line, in ticks of the caller's timer, rounded up.
 //!
-//! All of it is `const` and in `u32`: a fixed port costs nothing at run time, and a port that is configured at run time costs
-//! one 32-bit division per value. For no value to overflow, `tick_hz` is at most [`TICK_HZ_MAX`].
+//! All functions are `const` and use `u32`: a fixed port costs nothing at run time, and a port that is configured at
+//! run time costs one 32-bit division per value. Values do not overflow if `tick_hz` is at most [`TICK_HZ_MAX`].
 
 use crate::format::{Framing, LineFormat};
 use crate::line::{LineConfig, Role};
 use crate::port_registers::InterCharacter;
 
-/// The fastest timer these functions can count in: 55 MHz, where 3.5 characters of 11 bits just fit in 32 bits.
+/// The highest tick rate of a timer: 55 MHz, at which 3.5 characters of 11 bits just fit in 32 bits.
 pub const TICK_HZ_MAX: u32 = 55_000_000;
 
 /// Above this rate the silences are fixed instead of a multiple of the character time (SER 2.5.1.1).
 pub const FIXED_SILENCE_ABOVE_BAUD: u32 = 19_200;
 
-/// [`margin`] is this part of t3.5: two clocks that are off by 1 % each, in opposite directions, differ by half as much.
+/// [`margin`] is this fraction of t3.5: about twice the difference between two clocks that are off by 1 % in opposite
+/// directions.
 const MARGIN_PART: u32 = 24;
 
-/// By how much before t3.5 a frame is judged: t3.5 is measured by two clocks (SER 2.5.1.1 leaves open by which). A character that
-/// begins in this last part of it begins a new frame, as it may have waited for t3.5 by its sender's clock; the frame before
-/// stands, and its answer is withdrawn. An answer starts at t3.5 all the same.
+/// The time before t3.5 at which a frame is judged, because sender and receiver measure t3.5 by different clocks (SER
+/// 2.5.1.1 does not say which one counts). A character that begins in this last part of t3.5 begins a new frame,
+/// since its sender may have waited for t3.5 by its own clock. The frame before it stands, and its answer is
+/// withdrawn. An answer still starts at t3.5.
 pub const fn margin(t3_5: u32) -> u32 {
     t3_5 / MARGIN_PART
 }
 
-/// A silence of so many ms that ends a frame in place of t3.5, for peers that pause inside frames.
+/// A silence of `ms` milliseconds, which ends a frame in place of t3.5 for peers that pause inside frames.
 pub const fn gap(ms: u8, tick_hz: u32) -> u32 {
     ms as u32 * tick_hz.div_ceil(1000)
 }

@@ -86,7 +86,7 @@ fn a_coil_bank_past_the_end() {
 }
 
 #[test]
-#[should_panic(expected = "more coils than there are bits")]
+#[should_panic(expected = "a coil bank must have a bit for each coil")]
 fn a_coil_bank_without_room() {
     let _ = CoilBank::<2>::new(0, 17);
 }

@@ -452,7 +452,7 @@ fn errors_say_what_would_be_right() {
         (
             Ask::Status,
             0,
-            "unit is 0, must be 1..=247: function 7 reads and a broadcast is not answered",
+            "unit is 0, must be 1..=247: function 7 reads, and a broadcast has no answer",
         ),
         (Ask::Status, 250, "unit is 250, must be 0..=247"),
         (

@@ -104,7 +104,7 @@ fn only_the_answer_itself_or_its_exception_ends_it() {
         let mut other = Asking::new(20, 0);
         other.sent(&mut late_answers, 3, &at(110));
         assert_eq!(
-            late_answers.is_owed(frame),
+            late_answers.is_expected(frame),
             frame.len() > 1 && frame[..2] != [17, 4] && frame[0] != 18
         );
         let judged = Err(AnswerError::Unit(17));
@@ -148,7 +148,7 @@ fn where_four_owe_everybody_waits_for_the_first_of_them() {
 }
 
 #[test]
-fn each_try_is_owed_an_answer_and_no_other_request_goes_before_them() {
+fn an_answer_to_each_try_is_expected_before_another_request() {
     let mut late_answers = LateAnswers::new();
     let mut asking = Asking::new(17, 2);
     for (begin, next) in [(0, Next::Again), (100, Next::Again)] {
@@ -231,7 +231,7 @@ fn what_is_heard_out_is_the_last() {
     let mut late_answers = LateAnswers::new();
     let mut asking = Asking::new(17, 0);
     asking.sent(&mut late_answers, 3, &at(0));
-    asking.hears_out();
+    asking.receives_last_frame();
     let next = asking.heard(&mut late_answers, other, &at(130));
     assert_eq!(next, Next::Failed(Failure::Answer(AnswerError::Unit(18))));
     // The guard begins where the wait ended.

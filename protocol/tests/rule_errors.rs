@@ -49,7 +49,7 @@ fn a_list_is_not_empty_and_not_too_long() {
     let empty = ranges("VALID_REG", &[]);
     assert_eq!(
         empty.as_deref(),
-        Some("port RS4: VALID_REG is empty: leave it out, or name a range")
+        Some("port RS4: VALID_REG is empty, must have a range or be left out")
     );
     for (name, max) in [
         ("DISABLE_REG", DISABLE_MAX),
@@ -72,7 +72,7 @@ fn a_list_is_not_empty_and_not_too_long() {
 fn ranges_are_not_reversed_and_do_not_overlap() {
     assert_eq!(
         ranges("VALID_REG", &[(1, 1), (10, 9)]).as_deref(),
-        Some("port RS4: VALID_REG 10..=9: the first register must not be above the last")
+        Some("port RS4: VALID_REG 10..=9: the first register must not be above the last one")
     );
     // By one register at either end, inside, around, and equal.
     for (first, last) in [(20, 22), (1, 10), (12, 13), (5, 30), (10, 20), (10, 10)] {

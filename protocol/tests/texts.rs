@@ -36,7 +36,7 @@ fn a_message_stops_the_build_with_its_text() {
         panics(|| _ = ScanList::from_rows([1, 2], [0; 2], [1, 1], [1, 2])),
         "scan list: place 1: register offset is 2, must be 0..=1"
     );
-    assert!(panics(|| _ = ScanList::new([], [])).starts_with("scan list of no items"));
+    assert!(panics(|| _ = ScanList::new([], [])).starts_with("scan list: the number of items"));
     // Two bytes of the last sign do not fit.
     let mut message = Message::new();
     for _ in 0..159 {
@@ -55,7 +55,7 @@ fn a_request_that_cannot_be_says_why() {
         ),
         (
             RequestError::Broadcast { function: 3 },
-            "unit is 0, must be 1..=247: function 3 reads and a broadcast is not answered",
+            "unit is 0, must be 1..=247: function 3 reads, and a broadcast has no answer",
         ),
         (
             RequestError::Count { count: 0, max: 125 },

@@ -240,7 +240,7 @@ macro_rules! bind_watchdog {
             }
 
             #[inline(always)]
-            fn may_live() -> bool {
+            fn is_healthy() -> bool {
                 <$line>::half_is_over(const { Dog::TIME.half(<$line>::CLOCK_HZ) })
             }
 

@@ -102,14 +102,14 @@ impl Panel {
         match before {
             Some(before) if before[relay] == now[relay] => {}
             Some(_) => return Ok(()),
-            // Nobody can tell whether it has moved.
+            // Nobody can show_result whether it has moved.
             None => return Err(error),
         }
         client.write_register(PORT.unit(), register, TOGGLE).await?;
         self.update().await.map(drop)
     }
 
-    fn tell<T>(&self, result: Result<T, ClientError>) {
+    fn show_result<T>(&self, result: Result<T, ClientError>) {
         if result.is_err() {
             self.failed.signal(());
         }
@@ -128,7 +128,7 @@ async fn poll(panel: &'static Panel) -> ! {
     signed(|task| ROLL.sign::<2>(task), async move {
         let mut ticker = Ticker::every(POLL);
         loop {
-            panel.tell(panel.update().await);
+            panel.show_result(panel.update().await);
             ticker.next().await;
         }
     })
@@ -142,7 +142,7 @@ async fn press(panel: &'static Panel) -> ! {
             let pressed = panel.pressed.wait().await;
             for (relay, pressed) in pressed.into_iter().enumerate() {
                 if pressed {
-                    panel.tell(panel.toggle(relay).await);
+                    panel.show_result(panel.toggle(relay).await);
                 }
             }
         }

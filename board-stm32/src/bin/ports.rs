@@ -104,7 +104,7 @@ impl DataModel for Told {
     fn input_registers(&mut self, first: u16, mut out: RegistersOut<'_>) -> Result<(), Exception> {
         within(first, out.len() as u16, 10)?;
         out.fill_from((usize::from(first)..).map(|address| match address {
-            0..3 => self.polled.look(address, |cells| cells[0]),
+            0..3 => self.polled.with_cells(address, |cells| cells[0]),
             3..6 => self.polled.health(address - 3).answers,
             6..9 => {
                 let health = self.polled.health(address - 6);

@@ -1,19 +1,19 @@
-//! Where the data of an answer goes.
+//! The destinations of the data of an answer.
 
 use multidrop_protocol::data::Registers;
 
-/// Somebody who takes the data behind unit id, function code and byte count of an answer that is as the request demands.
+/// Takes the data of a valid answer: the bytes behind unit id, function code and byte count.
 pub(super) trait Take {
     fn take(&mut self, data: &[u8]);
 }
 
-/// Where the data of a read goes.
+/// The destination of the data of a read.
 pub(super) enum Destination<'a> {
-    /// Registers.
+    /// One element for each register.
     Registers(&'a mut [u16]),
-    /// Coils or discrete inputs.
+    /// One element for each coil or discrete input.
     Bits(&'a mut [bool]),
-    /// The same, eight to a byte.
+    /// One bit for each coil or discrete input, eight to a byte.
     Packed(&'a mut [u8]),
 }
 

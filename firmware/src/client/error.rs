@@ -1,4 +1,4 @@
-//! How a request can end but well.
+//! The errors of a client's request.
 
 use core::fmt;
 
@@ -6,52 +6,51 @@ use multidrop_protocol::client::{AnswerError, Failure, RequestError};
 use multidrop_protocol::exception::Exception;
 use multidrop_protocol::rtu::ReceiveErrors;
 
-/// Why there is no answer to a request.
+/// Why a request has no valid answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClientError {
     /// The request is outside the limits of the standard; nothing was sent.
     Request(RequestError),
-    /// More tasks ask than the `N` of the port; nothing was sent.
+    /// More tasks have requests than the `N` of the port; nothing was sent.
     QueueFull,
     /// The [managed port](crate::managed) is not master; nothing was sent.
     NotMaster,
-    /// The line was not silent for as long as the timeout; nothing was sent.
+    /// The line was not silent for t3.5 within the timeout; nothing was sent.
     NoSilence,
-    /// The request has begun to go out and was cut off: the peer's CTS did not let it be sent for
-    /// [CTS_TIMEOUT](crate::line::LineConfig::cts_timeout_ms), or the transmitter did not come to its end.
+    /// The request was sent in part: CTS stayed off for longer than
+    /// [CTS_TIMEOUT](crate::line::LineConfig::cts_timeout_ms), or the transmitter did not reach the end of the frame.
     CutOff,
-    /// The server refused. Data on the wire, not a fault.
+    /// The server returned an exception. This is data on the wire, not a fault.
     Exception(Exception),
-    /// The server refused with a code that the standard does not define.
+    /// The server returned an exception code that the standard does not define.
     UnknownException(u8),
-    /// Nothing was heard.
+    /// No character was received within the timeout.
     Timeout,
-    /// Nothing better was heard than the answer of this unit, which was not asked.
+    /// No valid answer: an answer of this unit was received, which is not the unit of the request.
     WrongUnit(u8),
-    /// Nothing better was heard than an answer with this function code, which was not asked for.
+    /// No valid answer: an answer with this function code was received, which is not that of the request.
     WrongFunction(u8),
-    /// Nothing better was heard than an answer of this length (unit id and PDU), which is not that of the
-    /// answer asked for.
+    /// No valid answer: an answer of this length (unit id and PDU) was received, which does not fit the request.
     WrongLength(u8),
-    /// Nothing better was heard than an answer whose echo or fixed fields are not those of the request.
+    /// No valid answer: an answer was received whose echo or fixed fields differ from the request.
     WrongContent,
-    /// Nothing better was heard than a damaged frame.
+    /// No valid answer: a damaged frame was received.
     Damaged(ReceiveErrors),
 }
 
-/// Who could do something about an error.
+/// The party that can remove the cause of an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blame {
-    /// The program that asked.
+    /// The program that made the request.
     Caller,
-    /// The server.
+    /// The server, which was reached.
     Peer,
     /// The bus, or a server that is not there.
     Wire,
 }
 
 impl ClientError {
-    /// Whose fault it is.
+    /// The party that is to blame for this error.
     pub const fn blame(self) -> Blame {
         match self {
             Self::Request(_) | Self::QueueFull | Self::NotMaster => Blame::Caller,
@@ -99,22 +98,28 @@ impl fmt::Display for ClientError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Request(error) => write!(f, "not sent: {error}"),
-            Self::QueueFull => f.write_str("not sent: more tasks ask than the port is for"),
-            Self::NotMaster => f.write_str("not sent: the port is not master"),
-            Self::NoSilence => f.write_str("not sent: the line was not silent"),
-            Self::CutOff => f.write_str("not sent to its end: no CTS, or no end of it"),
+            Self::QueueFull => {
+                f.write_str("not sent: more tasks wait for the port than its queue holds")
+            }
+            Self::NotMaster => f.write_str("not sent: the port is not a master"),
+            Self::NoSilence => f.write_str("not sent: the line was not silent within the timeout"),
+            Self::CutOff => {
+                f.write_str("sent in part: CTS stayed off, or the transmission did not end")
+            }
             Self::Exception(exception) => {
                 write!(f, "exception {:02X}: {exception:?}", exception.code())
             }
             Self::UnknownException(code) => write!(f, "exception {code:02X}"),
             Self::Timeout => f.write_str("no answer"),
-            Self::WrongUnit(unit) => write!(f, "no answer but from unit {unit}"),
+            Self::WrongUnit(unit) => write!(f, "no valid answer: unit {unit} answered"),
             Self::WrongFunction(function) => {
-                write!(f, "no answer but with function {function:02X}")
+                write!(f, "no valid answer: function code {function:02X}")
             }
-            Self::WrongLength(len) => write!(f, "no answer but of {len} bytes"),
-            Self::WrongContent => f.write_str("no answer but to another request"),
-            Self::Damaged(errors) => write!(f, "no answer but damaged ({errors:?})"),
+            Self::WrongLength(len) => write!(f, "no valid answer: wrong length, {len} bytes"),
+            Self::WrongContent => {
+                f.write_str("no valid answer: the content does not match the request")
+            }
+            Self::Damaged(errors) => write!(f, "no valid answer: {errors}"),
         }
     }
 }

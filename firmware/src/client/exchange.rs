@@ -1,4 +1,4 @@
-//! What the tasks of a port share to ask and to be answered.
+//! The exchange: what the clients of one port share.
 
 use core::cell::{Cell, RefCell, RefMut};
 use core::future::{Future, poll_fn};
@@ -15,27 +15,27 @@ use super::{ClientConfig, ClientError};
 use crate::line::{Frame, Key, Line};
 use crate::slot::Slot;
 
-/// What was heard: a frame, lent and provisional, or what was wrong with one.
+/// A frame that was received, lent and provisional, or the errors of a damaged one.
 pub(super) type Incoming<L> = Result<Frame<'static, L>, ReceiveErrors>;
 
-/// Whose answer is waited for.
+/// Whose answer the line waits for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Expected {
     Nobodys,
-    /// Nobody's any more: one that came too late, and may not stand.
+    /// Nobody's: the frame that is kept came too late, and may not stand.
     Late,
-    /// That of a client.
+    /// A client's.
     Clients,
-    /// That of the transaction which the registers of a managed port have started.
+    /// That of a transaction which the registers of a managed port have started.
     Started,
 }
 
-/// The turns of the clients of one port, what the line owes them, and the way of what is heard to the one that waits for it.
-/// `N` tasks may ask, 1 to 254: one that has just been answered and asks again waits behind those that wait, and one
-/// of them still has its place in the queue.
+/// The queue of the clients of one port, the late answers of the line, and the frame for the request that waits. `N`
+/// tasks, 1 to 254, may make requests. A task that was just answered and makes another request goes to the end of the
+/// queue, where it keeps a place.
 pub struct Exchange<L: Line + 'static, const N: usize> {
     pub(super) turns: Turns<N>,
-    /// Of clients that have none of their own.
+    /// The times of clients that have none of their own.
     times: Cell<ClientConfig>,
     pub(super) heard: Slot<Incoming<L>>,
     expected: Cell<Expected>,
@@ -43,7 +43,7 @@ pub struct Exchange<L: Line + 'static, const N: usize> {
 }
 
 impl<L: Line + 'static, const N: usize> Exchange<L, N> {
-    /// Nobody asks.
+    /// An exchange without requests.
     pub const fn new() -> Self {
         Self {
             turns: Turns::new(),
@@ -54,8 +54,8 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         }
     }
 
-    /// For the task that takes frames from the line: waits for the next one, lent and provisional, or for what was wrong with one.
-    /// Between two of them it sees whether an answer that came too late stands.
+    /// Waits for the next frame from the line, lent and provisional, or for the errors of a damaged one. For the
+    /// receive task of the port. Between two frames it also watches whether a late answer stands.
     ///
     /// # Cancellation
     /// Safe: the frame stays with the line until the next call.
@@ -71,7 +71,7 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         })
     }
 
-    /// The frame that is kept came too late for a request; whether it stands says the line.
+    /// Ends the wait for a late answer when the line has told whether it stands.
     fn poll_late(&self, line: &L, context: &mut Context<'_>) {
         let Poll::Ready(stands) = line.poll_settled(context, Key::THIS_CRATE) else {
             return;
@@ -87,8 +87,8 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         self.heard.waiter.wake();
     }
 
-    /// Whether the buffer of the line is with an answer that came too late, and may not stand. The task that has the turn is woken
-    /// when it is not: it asks the line for nothing as long as another task waits for the line's verdict.
+    /// Whether a late answer has the buffer of the line until it stands or is void. The task that has the turn is
+    /// woken after that. It makes no use of the line before, since another task waits there.
     pub(super) fn has_late(&self, context: &Context<'_>) -> bool {
         let has_late = self.expected.get() == Expected::Late;
         if has_late {
@@ -97,10 +97,10 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         has_late
     }
 
-    /// Hands on what was [received](Self::receive) to the request that waits; if none does, a frame is looked at for an answer
-    /// that comes too late, and given back to the line.
+    /// Passes what was [received](Self::receive) to the request that waits for it. If no request waits, a frame may
+    /// be a late answer; otherwise it is given back to the line.
     pub fn offer(&self, heard: Result<Frame<'static, L>, ReceiveErrors>) {
-        let is_late = |frame: &Frame<'static, L>| self.is_owed(heard_bytes(frame));
+        let is_late = |frame: &Frame<'static, L>| self.is_late_answer(heard_bytes(frame));
         match self.expected.get() {
             Expected::Nobodys | Expected::Late => {
                 if heard.as_ref().is_ok_and(is_late) {
@@ -117,7 +117,7 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         self.turns.is_busy()
     }
 
-    /// Whether the request of a started transaction is out and its answer waited for.
+    /// Whether the request of a started transaction was sent and its answer is waited for.
     pub(crate) fn awaits_started(&self) -> bool {
         self.expected.get() == Expected::Started
     }
@@ -127,40 +127,41 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         self.times.get()
     }
 
-    /// Other ones, from the next wait on.
+    /// Sets these times for the next wait on.
     pub(crate) fn set_times(&self, times: ClientConfig) {
         self.times.set(times);
     }
 
-    /// From now on nobody may ask; who waits is refused.
+    /// Refuses all requests from now on, including those that wait.
     pub(crate) fn close(&self) {
         self.turns.close();
     }
 
-    /// All may ask.
+    /// Accepts requests again.
     pub(crate) fn open(&self) {
         self.turns.open();
     }
 
-    /// Waits until no request is under way; none begins as long as the result lives. It never fails.
+    /// Waits until no request is under way, and keeps all others from beginning as long as the result lives. Never
+    /// fails.
     pub(crate) fn hold(&'static self) -> impl Future<Output = Result<Turn<N>, ClientError>> {
         self.turns.turn(Wait::new(How::Held, 0))
     }
 
-    /// Whether an answer of this kind is owed to a request before.
-    pub(super) fn is_owed(&self, frame: &[u8]) -> bool {
-        self.late_answers.borrow_mut().is_owed(frame)
+    /// Whether a late answer of the kind of this frame is expected.
+    pub(super) fn is_late_answer(&self, frame: &[u8]) -> bool {
+        self.late_answers.borrow_mut().is_expected(frame)
     }
 
-    /// What the line owes, to be changed.
+    /// The late answers of the line.
     pub(super) fn late_answers(&self) -> RefMut<'_, LateAnswers> {
         self.late_answers.borrow_mut()
     }
 
-    /// Until when the answers that are owed hold up a request with this function code; `None` if it may go out.
+    /// The time until which late answers hold up a request with this function code; `None` if it may be sent.
     pub(super) fn parked(&self, asking: &Asking, function: u8) -> Option<u32> {
         let mut late_answers = self.late_answers.borrow_mut();
-        // Right behind an answer there is no time to look at the clock.
+        // After an answer there is no time to read the clock.
         if late_answers.is_empty() {
             return None;
         }
@@ -171,16 +172,16 @@ impl<L: Line + 'static, const N: usize> Exchange<L, N> {
         }
     }
 
-    /// Begins to wait for what is heard.
+    /// Sets whose answer the line waits for.
     pub(super) fn expect(&self, whose: Expected) {
         self.expected.set(whose);
     }
 
-    /// Nobody waits for what is heard.
+    /// Ends the wait for an answer.
     #[inline(never)]
     pub(super) fn expect_nothing(&self) {
         self.expected.set(Expected::Nobodys);
-        // A frame that came and was not looked at goes back to the line.
+        // A frame that was received and not read goes back to the line.
         self.heard.take();
     }
 }

@@ -1,7 +1,7 @@
 //! A method for each function.
 //!
-//! What a read fills is the caller's, who has lent it and looks at it only when the method has returned; so it
-//! is filled at t1.5 already, where there is time. After an error its content means nothing.
+//! The caller lends the memory that a read fills, and gets it back when the method returns. Therefore it is filled at
+//! t1.5 already, when there is time. After an error its content is undefined.
 
 use multidrop_protocol::client::{
     Diagnostic, EventCounter, EventLog, FileData, FileRange, FileRecords, GetEventCounter,
@@ -17,7 +17,7 @@ use super::{Client, ClientError};
 use crate::line::Line;
 
 impl<L: Line + 'static, const N: usize> Client<L, N> {
-    /// Function 01: coils from address `first` on, 1..=2000, as many as `into` has.
+    /// Function 01: reads coils from address `first` on, 1..=2000, the length of `into`.
     pub async fn read_coils(
         &self,
         unit: u8,
@@ -28,7 +28,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         self.read_bits(unit, request, into).await
     }
 
-    /// Function 02: discrete inputs from address `first` on, 1..=2000, as many as `into` has.
+    /// Function 02: reads discrete inputs from address `first` on, 1..=2000, the length of `into`.
     pub async fn read_discrete_inputs(
         &self,
         unit: u8,
@@ -45,11 +45,12 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         request: ReadBits,
         into: &mut [bool],
     ) -> Result<(), ClientError> {
-        self.ask(unit, &request, Destination::Bits(into)).await
+        self.read_into(unit, &request, Destination::Bits(into))
+            .await
     }
 
-    /// Function 01: `count` coils from address `first` on, 1..=2000, eight to a byte, the first in the lowest
-    /// bit of the first byte. `into` has a byte for each eight begun, or more.
+    /// Function 01: reads `count` coils from address `first` on, 1..=2000, eight to a byte, the first in the lowest
+    /// bit of the first byte. `into` must have a byte for each eight coils begun.
     pub async fn read_packed_coils(
         &self,
         unit: u8,
@@ -61,7 +62,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
             .await
     }
 
-    /// Function 02: `count` discrete inputs from address `first` on, as
+    /// Function 02: reads `count` discrete inputs from address `first` on, 1..=2000, packed as by
     /// [`read_packed_coils`](Self::read_packed_coils).
     pub async fn read_packed_discrete_inputs(
         &self,
@@ -81,11 +82,12 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         count: u16,
         into: &mut [u8],
     ) -> Result<(), ClientError> {
-        room(into.len(), usize::from(count).div_ceil(8))?;
-        self.ask(unit, &request, Destination::Packed(into)).await
+        check_room(into.len(), usize::from(count).div_ceil(8))?;
+        self.read_into(unit, &request, Destination::Packed(into))
+            .await
     }
 
-    /// Function 03: holding registers from address `first` on, 1..=125, as many as `into` has.
+    /// Function 03: reads holding registers from address `first` on, 1..=125, the length of `into`.
     pub async fn read_holding_registers(
         &self,
         unit: u8,
@@ -96,7 +98,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         self.read_registers(unit, request, into).await
     }
 
-    /// Function 04: input registers from address `first` on, 1..=125, as many as `into` has.
+    /// Function 04: reads input registers from address `first` on, 1..=125, the length of `into`.
     pub async fn read_input_registers(
         &self,
         unit: u8,
@@ -113,75 +115,76 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         request: ReadRegisters,
         into: &mut [u16],
     ) -> Result<(), ClientError> {
-        self.ask(unit, &request, Destination::Registers(into)).await
+        self.read_into(unit, &request, Destination::Registers(into))
+            .await
     }
 
-    /// Function 05: a coil on or off.
+    /// Function 05: switches a coil on or off.
     pub async fn write_coil(&self, unit: u8, address: u16, on: bool) -> Result<(), ClientError> {
-        self.tell(unit, &WriteCoil { address, on }).await
+        self.write(unit, &WriteCoil { address, on }).await
     }
 
-    /// Function 06: a holding register.
+    /// Function 06: writes a holding register.
     pub async fn write_register(
         &self,
         unit: u8,
         address: u16,
         value: u16,
     ) -> Result<(), ClientError> {
-        self.tell(unit, &WriteRegister { address, value }).await
+        self.write(unit, &WriteRegister { address, value }).await
     }
 
-    /// Function 07: eight bits that the server's application defines.
+    /// Function 07: reads the exception status, eight bits that the server's application defines.
     pub async fn read_exception_status(&self, unit: u8) -> Result<u8, ClientError> {
         let request = ReadExceptionStatus;
-        self.look(unit, &request, |frame| Ok(request.answer(frame)?))
+        self.read_with(unit, &request, |frame| Ok(request.answer(frame)?))
             .await
     }
 
-    /// Function 08, all sub-functions but 0000: the counter or register asked for; of the others, the data
-    /// that was sent, 0 if it is not answered.
+    /// Function 08 except sub-function 0000. Returns the counter or register that was requested, or the echoed data;
+    /// 0 if there is no answer.
     pub async fn diagnose(&self, unit: u8, request: Diagnostic) -> Result<u16, ClientError> {
         match self.transact(unit, &request).await? {
             Some(reply) => Ok(request.answer(reply.bytes())?),
-            // A broadcast, or Force Listen Only Mode.
+            // After a broadcast or Force Listen Only Mode there is no answer.
             None => Ok(0),
         }
     }
 
-    /// Function 08, sub-function 0000: sends 0..=250 bytes and takes nothing but the same back.
+    /// Function 08, sub-function 0000: sends 0..=250 bytes and accepts only their echo.
     pub async fn return_query_data(&self, unit: u8, data: &[u8]) -> Result<(), ClientError> {
-        self.tell(unit, &ReturnQueryData { data }).await
+        self.write(unit, &ReturnQueryData { data }).await
     }
 
-    /// Function 0B: the event counter.
+    /// Function 0B: reads the event counter.
     pub async fn event_counter(&self, unit: u8) -> Result<EventCounter, ClientError> {
         let request = GetEventCounter;
-        self.look(unit, &request, |frame| Ok(request.answer(frame)?))
+        self.read_with(unit, &request, |frame| Ok(request.answer(frame)?))
             .await
     }
 
-    /// Function 0C: what `read` makes of the event log.
+    /// Function 0C: reads the event log, and returns the result of `read`.
     pub async fn event_log<R>(
         &self,
         unit: u8,
         read: impl FnOnce(EventLog<'_>) -> R,
     ) -> Result<R, ClientError> {
         let request = GetEventLog;
-        self.look(unit, &request, |frame| Ok(read(request.answer(frame)?)))
+        self.read_with(unit, &request, |frame| Ok(read(request.answer(frame)?)))
             .await
     }
 
-    /// Function 0F: coils from address `first` on, 1..=1968.
+    /// Function 0F: writes coils from address `first` on, 1..=1968.
     pub async fn write_coils(
         &self,
         unit: u8,
         first: u16,
         values: &[bool],
     ) -> Result<(), ClientError> {
-        self.tell(unit, &WriteCoils { first, values }).await
+        self.write(unit, &WriteCoils { first, values }).await
     }
 
-    /// Function 0F: `count` coils from address `first` on, 1..=1968, eight to a byte, the first in the lowest
+    /// Function 0F: writes `count` coils from address `first` on, 1..=1968, eight to a byte, the first in the lowest
     /// bit of the first byte.
     pub async fn write_packed_coils(
         &self,
@@ -195,31 +198,31 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
             count,
             bytes,
         };
-        self.tell(unit, &request).await
+        self.write(unit, &request).await
     }
 
-    /// Function 10: holding registers from address `first` on, 1..=123.
+    /// Function 10: writes holding registers from address `first` on, 1..=123.
     pub async fn write_registers(
         &self,
         unit: u8,
         first: u16,
         values: &[u16],
     ) -> Result<(), ClientError> {
-        self.tell(unit, &WriteRegisters { first, values }).await
+        self.write(unit, &WriteRegisters { first, values }).await
     }
 
-    /// Function 11: what `read` makes of the server's id.
+    /// Function 11: reads the server's id, and returns the result of `read`.
     pub async fn report_server_id<R>(
         &self,
         unit: u8,
         read: impl FnOnce(ServerId<'_>) -> R,
     ) -> Result<R, ClientError> {
         let request = ReportServerId;
-        self.look(unit, &request, |frame| Ok(read(request.answer(frame)?)))
+        self.read_with(unit, &request, |frame| Ok(read(request.answer(frame)?)))
             .await
     }
 
-    /// Function 14: what `read` makes of the records, group by group.
+    /// Function 14: reads file records, and returns the result of `read`, which gets them group by group.
     pub async fn read_files<R>(
         &self,
         unit: u8,
@@ -227,16 +230,16 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         read: impl FnOnce(FileRecords<'_>) -> R,
     ) -> Result<R, ClientError> {
         let request = ReadFiles { groups };
-        self.look(unit, &request, |frame| Ok(read(request.answer(frame)?)))
+        self.read_with(unit, &request, |frame| Ok(read(request.answer(frame)?)))
             .await
     }
 
-    /// Function 15: records of files, all groups or none.
+    /// Function 15: writes file records, all groups or none.
     pub async fn write_files(&self, unit: u8, groups: &[FileData<'_>]) -> Result<(), ClientError> {
-        self.tell(unit, &WriteFiles { groups }).await
+        self.write(unit, &WriteFiles { groups }).await
     }
 
-    /// Function 16: `new = (current & and) | (or & !and)`.
+    /// Function 16: sets a register to `(current & and) | (or & !and)`.
     pub async fn mask_write_register(
         &self,
         unit: u8,
@@ -244,11 +247,11 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         and: u16,
         or: u16,
     ) -> Result<(), ClientError> {
-        self.tell(unit, &MaskWrite { address, and, or }).await
+        self.write(unit, &MaskWrite { address, and, or }).await
     }
 
-    /// Function 17: writes 1..=121 registers from `write_first` on, then reads 1..=125 from `first` on, as
-    /// many as `into` has. Not to unit 0, since it reads.
+    /// Function 17: writes 1..=121 registers from `write_first` on, then reads 1..=125 registers from `first` on, the
+    /// length of `into`. Unit 0 is refused, since a broadcast has no answer.
     pub async fn read_write_registers(
         &self,
         unit: u8,
@@ -263,10 +266,11 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
             write_first,
             values,
         };
-        self.ask(unit, &request, Destination::Registers(into)).await
+        self.read_into(unit, &request, Destination::Registers(into))
+            .await
     }
 
-    /// Function 18: what `read` makes of the queue, at most 31 registers.
+    /// Function 18: reads a FIFO queue of at most 31 registers, and returns the result of `read`.
     pub async fn read_fifo<R>(
         &self,
         unit: u8,
@@ -274,12 +278,12 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         read: impl FnOnce(Registers<'_>) -> R,
     ) -> Result<R, ClientError> {
         let request = ReadFifo { pointer };
-        self.look(unit, &request, |frame| Ok(read(request.answer(frame)?)))
+        self.read_with(unit, &request, |frame| Ok(read(request.answer(frame)?)))
             .await
     }
 
-    /// Function 2B, MEI type 0E: what `read` makes of the objects. `code` 1 basic, 2 regular, 3 extended,
-    /// from `object` on; 4 `object` alone.
+    /// Function 2B, MEI type 0E: reads device identification objects, and returns the result of `read`. `code` is 1
+    /// (basic), 2 (regular) or 3 (extended) for the objects from `object` on, or 4 for `object` alone.
     pub async fn read_identification<R>(
         &self,
         unit: u8,
@@ -288,11 +292,12 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         read: impl FnOnce(Identification<'_>) -> R,
     ) -> Result<R, ClientError> {
         let request = ReadIdentification { code, object };
-        self.look(unit, &request, |frame| Ok(read(request.answer(frame)?)))
+        self.read_with(unit, &request, |frame| Ok(read(request.answer(frame)?)))
             .await
     }
 
-    /// Any function with any data: what `read` makes of the answer's data; `None` after a broadcast.
+    /// Sends any function with any data, and returns the result of `read`, which gets the answer's data; `None` after
+    /// a broadcast.
     pub async fn call<R>(
         &self,
         unit: u8,
@@ -305,8 +310,8 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         Ok(reply.map(|reply| read(request.answer(reply.bytes()))))
     }
 
-    /// A request that reads.
-    async fn ask(
+    /// Sends a request that reads into `into` at t1.5.
+    async fn read_into(
         &self,
         unit: u8,
         request: &dyn Request,
@@ -315,33 +320,33 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         self.run(unit, request, Some(&mut into)).await.map(drop)
     }
 
-    /// A request whose answer says nothing new.
-    async fn tell(&self, unit: u8, request: &dyn Request) -> Result<(), ClientError> {
+    /// Sends a request whose answer holds no data of interest.
+    async fn write(&self, unit: u8, request: &dyn Request) -> Result<(), ClientError> {
         self.transact(unit, request).await.map(drop)
     }
 
-    /// A request that reads, whose answer is looked at when it stands.
-    async fn look<R>(
+    /// Sends a request that reads, and calls `read` with the answer when it stands.
+    async fn read_with<R>(
         &self,
         unit: u8,
         request: &dyn Request,
-        look: impl FnOnce(&[u8]) -> Result<R, ClientError>,
+        read: impl FnOnce(&[u8]) -> Result<R, ClientError>,
     ) -> Result<R, ClientError> {
         match self.transact(unit, request).await? {
-            Some(reply) => look(reply.bytes()),
-            // Requests that read are always answered.
+            Some(reply) => read(reply.bytes()),
+            // A request that reads has an answer, unless it was sent as a broadcast.
             None => Err(ClientError::Timeout),
         }
     }
 }
 
-/// What a request asks for; what is too much for it is refused there.
+/// The number of items as 16 bits. A larger number becomes one that the request refuses.
 fn count(len: usize) -> u16 {
     len.min(usize::from(u16::MAX)) as u16
 }
 
-/// Refuses memory that is too small for the answer.
-fn room(room: usize, needed: usize) -> Result<(), RequestError> {
+/// Checks that `room` is enough for the answer.
+fn check_room(room: usize, needed: usize) -> Result<(), RequestError> {
     if room < needed {
         return Err(RequestError::Room {
             room: count(room),

@@ -1,9 +1,8 @@
-//! The client: requests of any function, awaited.
+//! The client: async requests with any function code.
 //!
-//! There is no task for it. A request runs in the task that asks; what the tasks of one port share is an
-//! [`Exchange`], which gives the line to one of them at a time, in the order in which they asked, and
-//! carries what the port hears to the one that waits. [`ClientPort`] is a port that is a client and nothing
-//! else; [`client_receive`] is its task.
+//! The client has no task of its own: a request runs in the task that makes it. The tasks of one port share an
+//! [`Exchange`], which gives the line to one request at a time, in the order of the requests, and passes the answer
+//! to the request that waits. [`ClientPort`] is a port that is only a client; [`client_receive`] is its task.
 //!
 //! ```
 //! use multidrop::{ClientConfig, ClientError, ClientPort, Line, client_receive};
@@ -23,26 +22,28 @@
 //!
 //! # What ends a request
 //!
-//! The first good answer or exception. A frame from another unit or with another function, a damaged one, or
-//! one of a wrong length does not: the wait goes on, and if nothing better comes, the last of them is the
-//! error at the timeout; [`ClientError::Timeout`] if there was none. The timeout bounds the beginning of an answer: a frame
-//! that is being heard then is heard to its end, and is the last one. The exceptions that mean *not yet* are
-//! waited for: 05 extends the wait by one timeout, once; 06 is tried again a timeout later if retries are
-//! left. A frame that is over at t1.5 is judged then; it is believed when it stands at t3.5.
+//! The first valid answer or exception ends a request. A frame from another unit or with another function code, a
+//! damaged frame, or a frame of a wrong length does not: the wait goes on. If no valid answer comes before the
+//! timeout, the last such frame is the error, or [`ClientError::Timeout`] if there was none. The timeout applies to
+//! the beginning of an answer: a frame that is being received when the timeout passes is received to its end, and is
+//! the last one. Two exceptions mean *not yet*: 05 (acknowledge) extends the wait by one timeout, once; after 06
+//! (busy) the request is sent again one timeout later, if retries are left. A frame is checked at t1.5, and the
+//! result counts when the frame stands at t3.5.
 //!
-//! The next request of the same task starts at that t3.5.
+//! The next request of the same task is sent at that t3.5.
 //!
 //! # Answers that come too late
 //!
-//! There is nothing in a Modbus frame that says which request it answers. So the same unit is not asked for the same function
-//! by another request before an answer that was waited for in vain has come, or is
-//! [not expected any more](ClientConfig::late_guard_ms); such a request gives its turn up until then, and all others go first.
-//! A retry does not wait for what it owes itself: the first answer ends it, and a second one is expected then. A line keeps
-//! account of four units and functions at a time ([`LateAnswers`](multidrop_protocol::client::LateAnswers)); where more owe an answer, all
-//! wait. What cannot be helped is an answer that comes behind the guard time.
+//! A Modbus frame does not tell which request it answers. After a timeout the unit's answer may still come. Therefore
+//! another request with the same function is not sent to the same unit before that late answer has come, or is [not
+//! expected any more](ClientConfig::late_guard_ms). Such a request gives up its turn until then, and all others go
+//! first. A retry does not wait for the late answer to its own first try: the first answer ends the request, and a
+//! second one is then expected. A line keeps account of four pairs of unit and function at a time
+//! ([`LateAnswers`](multidrop_protocol::client::LateAnswers)); if all four are in use, requests to other units and
+//! functions wait as well. An answer that comes after the guard time may be taken for the answer to a later request.
 //!
-//! A request that is given up by dropping its future still has an answer to come. Nothing else is asked before it comes, or its
-//! timeout is over; from then on it is owed like others.
+//! A request that is given up by dropping its future still has an answer to come. No other request is sent before
+//! that answer has come or the timeout has passed; after that it counts as a late answer.
 
 mod destination;
 mod error;
@@ -68,12 +69,12 @@ use multidrop_protocol::client::{Asking, Moment};
 use crate::line::Line;
 use turns::{How, Wait};
 
-/// How long a client waits, and how often it tries.
+/// The times and the number of retries of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClientConfig {
-    /// In ms, like the next. One is in RAM for each client.
+    /// In ms, as `guard` is. There is one in RAM for each client.
     timeout: NonZeroU16,
-    /// 0 for the timeout.
+    /// In ms; 0 stands for the timeout.
     guard: u16,
     turnaround: u16,
     gap: u16,
@@ -81,7 +82,8 @@ pub struct ClientConfig {
 }
 
 impl ClientConfig {
-    /// One second for an answer and another for one that is late, no retries, 100 ms after a broadcast (SER 2.4.1), no gap.
+    /// The defaults: a timeout of one second, the same time for late answers, no retries, 100 ms after a broadcast
+    /// (SER 2.4.1), no gap.
     pub const fn new() -> Self {
         Self {
             timeout: NonZeroU16::new(1000).unwrap(),
@@ -92,8 +94,8 @@ impl ClientConfig {
         }
     }
 
-    /// How long to wait for an answer, in ms: from the end of the request to the beginning of the answer. One that has begun is
-    /// heard to its end.
+    /// Sets the timeout in ms: from the end of the request to the beginning of the answer, 1..=65535. An answer that
+    /// has begun is received to its end.
     ///
     /// # Panics
     /// If it is 0; in a `const` that is a build error.
@@ -102,7 +104,7 @@ impl ClientConfig {
         self
     }
 
-    /// How often a request is sent again that was not answered, or answered with exception 06.
+    /// Sets how often a request is sent again after a timeout or exception 06.
     ///
     /// A server whose answer was lost executes the request once more: do not set it for requests that must
     /// not be executed twice.
@@ -111,26 +113,27 @@ impl ClientConfig {
         self
     }
 
-    /// How long nothing is sent after a broadcast, in ms, so that all servers are done with it (SER 2.4.1).
+    /// Sets the turnaround delay in ms: the silence after a broadcast, in which all servers carry it out (SER 2.4.1).
     pub const fn turnaround_ms(mut self, ms: u16) -> Self {
         self.turnaround = ms;
         self
     }
 
-    /// How long after a timeout an answer may still come, in ms, before the same unit is asked for the same function by another
-    /// request; 0 is the timeout. An answer that comes behind that may be taken for the next one's.
+    /// Sets the guard time in ms: how long after a timeout a late answer is expected, during which no other request
+    /// with that function is sent to that unit. 0 stands for the timeout. A later answer may be taken for the answer
+    /// to the next request.
     pub const fn late_guard_ms(mut self, ms: u16) -> Self {
         self.guard = ms;
         self
     }
 
-    /// How long nothing is sent after an answer, in ms: for units that need a pause.
+    /// Sets the pause after an answer in ms, for units that need one.
     pub const fn request_gap_ms(mut self, ms: u16) -> Self {
         self.gap = ms;
         self
     }
 
-    /// Now, and the times from now on.
+    /// The present time with the times of this client.
     #[inline(never)]
     fn moment(&self) -> Moment {
         let guard = match self.guard {
@@ -145,7 +148,7 @@ impl ClientConfig {
         }
     }
 
-    /// In ticks of `embassy-time`, like the next.
+    /// In ticks of `embassy-time`, as [`turnaround`](Self::turnaround).
     pub(crate) const fn timeout(&self) -> u32 {
         ticks(self.timeout.get())
     }
@@ -161,19 +164,19 @@ impl Default for ClientConfig {
     }
 }
 
-/// The right to send requests on one port, for `N` tasks, at least 1: they take turns in the order in which
-/// they ask. If more than `N` want the line at once, one may be refused ([`ClientError::QueueFull`]).
+/// The right to send requests on one port. Up to `N` tasks, at least 1, take turns in the order of their requests. If
+/// more than `N` wait at once, a request may be refused with [`ClientError::QueueFull`].
 ///
-/// Every method gives the right answer's data, or [`ClientError`].
+/// Every method returns the data of the valid answer, or [`ClientError`].
 ///
 /// # Cancellation
-/// All methods are safe to drop at any await. A request under way is given up: its last character is
-/// finished, the line listens, the turn goes to the next task, and its answer is not taken for another's. What a
-/// read was to fill may be filled in part.
+/// All methods may be dropped at any await. A request under way is given up: its last character is finished, the line
+/// returns to receive, the turn passes to the next task, and the answer is not taken for that to another request.
+/// Memory that a read was to fill may be filled in part.
 pub struct Client<L: Line + 'static, const N: usize> {
     line: &'static L,
     exchange: &'static Exchange<L, N>,
-    /// `None` for those of the port.
+    /// `None` for the times of the port.
     config: Option<ClientConfig>,
 }
 
@@ -186,7 +189,7 @@ impl<L: Line + 'static, const N: usize> Clone for Client<L, N> {
 impl<L: Line + 'static, const N: usize> Copy for Client<L, N> {}
 
 impl<L: Line + 'static, const N: usize> Client<L, N> {
-    /// A client on `line`. What `line` hears has to be [offered](Exchange::offer) to `exchange`, which has no
+    /// A client on `line`. All that `line` receives must be [offered](Exchange::offer) to `exchange`, which serves no
     /// other line.
     pub const fn new(
         line: &'static L,
@@ -200,7 +203,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         }
     }
 
-    /// One with the times of the port, whatever they are when it asks.
+    /// A client with the times of the port, as they are at the time of each request.
     pub(crate) const fn of_port(line: &'static L, exchange: &'static Exchange<L, N>) -> Self {
         Self {
             line,
@@ -209,7 +212,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         }
     }
 
-    /// The same with other times.
+    /// A client of this port with other times.
     pub const fn with(self, config: ClientConfig) -> Self {
         Self {
             config: Some(config),
@@ -225,7 +228,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         }
     }
 
-    /// Waits for the line; with `until`, not before then, or before an answer has come.
+    /// Waits for the line; if `until` is given, until that time or the next late answer at least.
     pub(crate) fn turn(
         &self,
         until: Option<u32>,
@@ -236,12 +239,12 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         })
     }
 
-    /// Until when answers that are owed hold up a new request to `unit` with `function`; `None` if it may go out.
+    /// The time until which late answers hold up a new request to `unit` with `function`; `None` if it may be sent.
     pub(crate) fn parked(&self, unit: u8, function: u8) -> Option<u32> {
         self.exchange.parked(&Asking::new(unit, 0), function)
     }
 
-    /// Whether a request is under way or waits for its turn: another one would wait.
+    /// Whether a request is under way or waits for its turn, so that another one would wait.
     pub fn is_busy(&self) -> bool {
         self.exchange.is_busy()
     }

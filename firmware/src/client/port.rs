@@ -1,9 +1,9 @@
-//! A port that is a client and nothing else.
+//! A port that is only a client.
 
 use super::{Client, ClientConfig, Exchange};
 use crate::line::Line;
 
-/// The line of a client and what the tasks that use it share. `N` tasks may ask, at least 1.
+/// The line of a client, and what the tasks share that use it. `N` tasks, at least 1, may make requests.
 pub struct ClientPort<L: Line + 'static, const N: usize> {
     line: L,
     exchange: Exchange<L, N>,
@@ -18,16 +18,16 @@ impl<L: Line + 'static, const N: usize> ClientPort<L, N> {
         }
     }
 
-    /// A client with these times. There may be several, on one task or on more.
+    /// A client with these times. A port may have several clients, on one or more tasks.
     pub const fn client(&'static self, config: ClientConfig) -> Client<L, N> {
         Client::new(&self.line, &self.exchange, config)
     }
 }
 
-/// Runs for ever: takes frames from the line and hands them to the request that waits.
+/// Takes frames from the line and passes them to the request that waits. Never returns.
 ///
 /// # Cancellation
-/// Safe: a frame not yet handed on is given back to the line.
+/// Safe: a frame that was not passed on is given back to the line.
 pub async fn client_receive<L: Line, const N: usize>(port: &'static ClientPort<L, N>) -> ! {
     loop {
         let heard = port.exchange.receive(&port.line).await;

@@ -1,7 +1,7 @@
 //! One request, from its turn to its end.
 //!
-//! A future by hand: there is one for each port and each task that asks, and one made of `async` keeps everything twice. What
-//! is to be done next is not decided here but by [`Asking`].
+//! The future is written by hand: there is one for each port and each task that makes requests, and an `async` block
+//! would keep everything twice. [`Asking`] decides what is done next.
 
 use core::future::Future;
 use core::pin::{Pin, pin};
@@ -19,11 +19,11 @@ use super::turns::{How, Turn, Wait};
 use super::{Client, ClientError};
 use crate::line::{Frame, Line, Released};
 
-/// An answer that stands, in the buffer of the line. As long as it lives the line hears nothing and nobody
-/// else can ask: read it, drop it, and do not keep it over an await.
+/// An answer that stands, in the buffer of the line. As long as it lives, the line receives nothing and no other task
+/// can send: read it and drop it, and do not keep it over an await.
 pub struct Reply<L: Line + 'static, const N: usize> {
     frame: Released<'static, L>,
-    // Dropped behind the frame: who has the turn next finds the buffer free.
+    // Dropped after the frame, so that the next task finds the buffer free.
     _turn: Turn<N>,
 }
 
@@ -34,54 +34,54 @@ impl<L: Line + 'static, const N: usize> Reply<L, N> {
     }
 }
 
-/// How far a request is.
+/// The stage of a request.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Stage {
-    /// It waits for its turn.
+    /// Waits for its turn.
     Turn,
-    /// It has the line, and waits until that is silent.
+    /// Has the line, and waits until the line is silent.
     Silence,
-    /// It goes out.
+    /// Is being sent.
     Sending,
-    /// Its answer is waited for.
-    Hearing,
-    /// It is not answered; nobody asks until all are done with it.
+    /// Waits for the answer.
+    Answer,
+    /// Has no answer; waits for the turnaround delay.
     Pause,
-    /// It will ask for another turn.
+    /// Is about to wait for another turn.
     Later,
-    /// It has ended.
+    /// Has ended.
     Over,
 }
 
-/// See [`Client::run`].
+/// Future of [`Client::run`].
 pub(crate) struct Run<'a, L: Line + 'static, const N: usize> {
     client: &'a Client<L, N>,
     request: &'a dyn Request,
-    /// Takes the data at t1.5, before it is known whether the answer stands.
+    /// Takes the data at t1.5, before the answer stands.
     into: Option<&'a mut dyn Take>,
     asking: Asking,
-    /// Its `until` is when the stage ends, too.
+    /// Its `until` is the end of the stage, too.
     wait: Wait,
     stage: Stage,
-    /// The end of the wait for silence is set.
+    /// Whether the end of the wait for silence is set.
     is_timed: bool,
     is_answered: bool,
-    /// It is that of a started transaction, whose STATUS tells how far it is.
+    /// Whether the request is that of a started transaction, whose progress STATUS shows.
     is_started: bool,
-    /// Bytes that go out.
+    /// Length of the request in bytes.
     len: u8,
     unit: u8,
     function: u8,
     judged: Result<(), AnswerError>,
-    /// What goes out, or was heard and does not stand yet.
+    /// The request, or the answer that was received and does not stand yet.
     frame: Option<Released<'static, L>>,
 }
 
 impl<L: Line + 'static, const N: usize> Client<L, N> {
     /// Sends any request to `unit` (1..=247, or 0 for a broadcast where the function allows it) and waits for its
-    /// answer. `None` if there is none to wait for: after a broadcast, and after Force Listen Only Mode.
+    /// answer. Returns `None` if the request has no answer: after a broadcast, and after Force Listen Only Mode.
     ///
-    /// The methods named after functions do the same and give the data.
+    /// The methods named after functions send their requests in this way and return the data.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -96,8 +96,8 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         self.run(unit, request, None)
     }
 
-    /// The same for a transaction that the registers of a managed port have started: STATUS tells how far it is, and the queue is
-    /// never full.
+    /// Sends the request of a transaction that the registers of a managed port have started: STATUS shows its
+    /// progress, and it waits if the queue is full.
     pub(crate) fn start<'a>(&'a self, unit: u8, request: &'a dyn Request) -> Run<'a, L, N> {
         let mut run = self.run(unit, request, None);
         run.is_started = true;
@@ -105,8 +105,8 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         run
     }
 
-    /// The same, and the data goes to `into`: at t1.5, before it is known whether the answer stands. What takes
-    /// long is done then, and the next request starts in time.
+    /// Sends a request, and passes the data to `into` at t1.5, before the answer stands, so that the next request is
+    /// sent in time.
     #[inline(never)]
     pub(super) fn run<'a>(
         &'a self,
@@ -132,7 +132,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         }
     }
 
-    /// The same for somebody who has the turn.
+    /// Sends a request for a task that has the turn.
     pub(crate) fn run_with<'a>(
         &'a self,
         unit: u8,
@@ -145,7 +145,7 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
         run
     }
 
-    /// Now, and how long this client waits from now on.
+    /// The present time with the times of this client.
     #[inline(never)]
     fn moment(&self) -> Moment {
         self.config().moment()
@@ -153,10 +153,11 @@ impl<L: Line + 'static, const N: usize> Client<L, N> {
 }
 
 impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
-    /// Gives the line back. Others may ask before it asks again, not before `until` if it is [parked](How::Parked).
+    /// Gives the line back. Other requests may go first, and this one not before `until` if it is
+    /// [parked](How::Parked).
     #[inline(never)]
     fn leave(&mut self, stage: Stage, how: How, until: u32) {
-        // Who has the turn next finds the buffer free.
+        // The next task finds the buffer free.
         self.frame = None;
         self.client.exchange.turns.leave(&mut self.wait, true);
         self.wait.how = how;
@@ -164,7 +165,7 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
         self.stage = stage;
     }
 
-    /// The line is silent, and this its buffer: the request goes out if it may.
+    /// Sends the request from `frame`, the buffer of the line, which is silent, if no late answer forbids it.
     fn send(&mut self, mut frame: Frame<'static, L>) -> Result<(), ClientError> {
         let encoded = encode(self.request, self.unit, frame.adu())?;
         self.function = frame.bytes()[1];
@@ -180,7 +181,8 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
         Ok(())
     }
 
-    /// It is out, or may be: its answer is owed, or all take their time for it.
+    /// The request was sent, perhaps not to its end: waits for the answer, or for the turnaround delay of a
+    /// broadcast.
     #[inline(never)]
     fn sent(&mut self) {
         let at = self.client.moment();
@@ -194,22 +196,22 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
         }
     }
 
-    /// How it goes on. An answer is in `frame` then.
-    fn poll_hearing(&mut self, context: &mut Context<'_>) -> Poll<Next> {
+    /// Waits for a frame or the deadline. If the result is an answer, it is in `frame`.
+    fn poll_answer(&mut self, context: &mut Context<'_>) -> Poll<Next> {
         let errors = match &mut self.frame {
             Some(frame) => match ready!(pin!(frame.settle()).poll(context)) {
                 true => ReceiveErrors::NONE,
                 false => ReceiveErrors::GAP,
             },
             None => match self.client.exchange.heard.poll(context) {
-                Poll::Ready(Ok(frame)) => return Poll::Ready(self.look(frame)),
+                Poll::Ready(Ok(frame)) => return Poll::Ready(self.judge_frame(frame)),
                 Poll::Ready(Err(errors)) => errors,
                 Poll::Pending => {
                     ready!(poll_over(self.asking.deadline(), context));
-                    // An answer that has begun in time is waited for, as long as it may be a good one.
+                    // An answer that has begun in time is received to its end, as long as it may be valid.
                     let quiet = pin!(self.client.line.quiet()).poll(context);
                     if quiet != Poll::Ready(ReceiveErrors::NONE) {
-                        self.asking.hears_out();
+                        self.asking.receives_last_frame();
                     }
                     ready!(quiet)
                 }
@@ -218,8 +220,8 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
         Poll::Ready(self.heard(errors))
     }
 
-    /// A frame has come, and may not stand.
-    fn look(&mut self, frame: Frame<'static, L>) -> Next {
+    /// Checks a frame that was received and may not stand yet.
+    fn judge_frame(&mut self, frame: Frame<'static, L>) -> Next {
         let bytes = heard_bytes(&frame);
         self.judged = judge(self.request, self.unit, self.function, bytes);
         if self.judged.is_ok()
@@ -227,16 +229,16 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
         {
             into.take(bytes.get(3..).unwrap_or(&[]));
         }
-        let must_stand = self.client.exchange.is_owed(bytes);
+        let must_stand = self.client.exchange.is_late_answer(bytes);
         self.frame = Some(frame.hold());
         match must_stand {
             true => Next::Wait,
-            // It is nobody's answer.
+            // No late answer is expected that it could be.
             false => self.heard(ReceiveErrors::NONE),
         }
     }
 
-    /// What was heard has these errors, or is in `frame`; else the time is over.
+    /// Judges `frame`, or a frame with these errors; the timeout has passed if there is neither.
     #[inline(never)]
     fn heard(&mut self, errors: ReceiveErrors) -> Next {
         let exchange = self.client.exchange;
@@ -248,7 +250,7 @@ impl<L: Line + 'static, const N: usize> Run<'_, L, N> {
         };
         let next = self.asking.heard(&mut exchange.late_answers(), heard, &at);
         if next != Next::Answered && self.frame.take().is_some() {
-            // It may have been what others wait for.
+            // The frame may have been a late answer for which others wait.
             exchange.turns.unpark();
         }
         next
@@ -278,7 +280,8 @@ impl<L: Line + 'static, const N: usize> Future for Run<'_, L, N> {
                         }
                         continue;
                     }
-                    // A request right behind an answer has no time to lose: the clock is looked at if there is anything to wait for.
+                    // A request that follows an answer must be sent at once: the clock is read only if there is
+                    // anything to wait for.
                     if !run.is_timed {
                         run.is_timed = true;
                         run.wait.until = now().wrapping_add(run.client.config().timeout());
@@ -304,7 +307,7 @@ impl<L: Line + 'static, const N: usize> Future for Run<'_, L, N> {
                             run.leave(Stage::Turn, How::Asked, 0);
                             continue;
                         }
-                        // If not, somebody has begun to talk.
+                        // Otherwise another station has begun to send.
                         run.stage = Stage::Silence;
                         if is_out {
                             run.sent();
@@ -315,12 +318,12 @@ impl<L: Line + 'static, const N: usize> Future for Run<'_, L, N> {
                                 true => Expected::Started,
                                 false => Expected::Clients,
                             });
-                            run.stage = Stage::Hearing;
+                            run.stage = Stage::Answer;
                         }
                     }
                 }
-                Stage::Hearing => {
-                    let next = ready!(run.poll_hearing(context));
+                Stage::Answer => {
+                    let next = ready!(run.poll_answer(context));
                     if next == Next::Wait {
                         continue;
                     }
@@ -363,12 +366,12 @@ impl<L: Line + 'static, const N: usize> Drop for Run<'_, L, N> {
         let exchange = self.client.exchange;
         let is_out = match self.stage {
             Stage::Over => return,
-            // It may be whole all the same.
+            // The request may have been sent whole.
             Stage::Sending => {
                 self.sent();
                 self.is_answered
             }
-            Stage::Hearing => {
+            Stage::Answer => {
                 exchange.expect_nothing();
                 true
             }
@@ -383,7 +386,7 @@ impl<L: Line + 'static, const N: usize> Drop for Run<'_, L, N> {
     }
 }
 
-/// The bytes of a frame that was heard.
+/// The bytes of a frame that was received.
 pub(super) fn heard_bytes<'a, L: Line>(frame: &'a Frame<'static, L>) -> &'a [u8] {
     &frame.bytes()[..usize::from(frame.request_len())]
 }

@@ -1,5 +1,6 @@
-//! Who may use the line: one request at a time, in the order in which they asked. One that has to wait for something else gives
-//! its turn up and is parked: it asks anew, and those behind it go first as long as it waits.
+//! The queue for the line: one request at a time, in the order of the requests. A request that must wait for a late
+//! answer gives up its turn and is parked: it takes a new place in the queue, and those behind it go first as long as
+//! it is parked.
 
 use core::cell::RefCell;
 use core::future::{Future, poll_fn};
@@ -8,19 +9,19 @@ use core::task::{Context, Poll, Waker};
 use super::ClientError;
 use super::time::poll_over;
 
-/// What a place is.
+/// The state of a place in the queue.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum State {
     Free,
-    /// Somebody waits for the line.
+    /// A task waits for the line.
     Waits,
-    /// The same, but those behind it go first.
+    /// A task waits for the line, and those behind it go first.
     Parked,
 }
 
 struct Place {
     state: State,
-    /// Whoever has asked before has a lower one, as far as 8 bits tell.
+    /// Lower for an earlier request, compared modulo 256.
     ticket: u8,
     waker: Option<Waker>,
 }
@@ -34,27 +35,27 @@ impl Place {
     }
 }
 
-/// Why somebody waits.
+/// Why a task waits.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum How {
-    /// To ask.
+    /// To send a request.
     Asked,
-    /// To ask, but not before some time, unless an answer comes.
+    /// To send a request, but not before some time or the next answer.
     Parked,
-    /// So that nobody asks.
+    /// To keep all requests from the line.
     Held,
-    /// To be told that nobody may ask.
+    /// To be refused.
     Refused,
 }
 
-/// Somebody who waits, or has the line.
+/// A task that waits for the line, or has it.
 pub(super) struct Wait {
-    /// When one that is parked is so no more.
+    /// The time at which a parked request may be sent.
     pub until: u32,
     pub how: How,
-    /// Where there is no place left it tries again.
+    /// Whether the task tries again if the queue is full.
     pub is_patient: bool,
-    /// One more than its place; 0 if it has none.
+    /// The place plus one; 0 for none.
     place: u8,
 }
 
@@ -69,19 +70,19 @@ impl Wait {
     }
 }
 
-/// The line, and who waits for it. Used as a slice, so that the code is there once for all `N`.
+/// The line and those that wait for it. Used as a slice, so that the code exists once for all `N`.
 struct Queue<P: ?Sized> {
-    /// Somebody has the line.
+    /// Whether a task has the line.
     is_taken: bool,
-    /// Nobody may ask.
+    /// Whether requests are refused.
     is_closed: bool,
-    /// The last ticket.
+    /// The last ticket that was given out.
     last: u8,
     places: P,
 }
 
 impl Queue<[Place]> {
-    /// The one that the line is for; a number that no place has if there is none.
+    /// The place whose turn is next; 255 if no task waits.
     #[inline(never)]
     fn first(&self) -> u8 {
         let (mut first, mut longest, mut number) = (u8::MAX, 0, 0);
@@ -95,7 +96,7 @@ impl Queue<[Place]> {
         first
     }
 
-    /// Whether the line is free, and for this one.
+    /// Whether the line is free, and the turn is that of place `number`.
     fn is_for(&self, number: u8) -> bool {
         !self.is_taken && self.first() == number
     }
@@ -117,7 +118,7 @@ impl Queue<[Place]> {
         None
     }
 
-    /// The line is given back, if it `was_taken`, and the place. Whoever is to have the line is woken.
+    /// Gives up the place of `wait`, and the line if it `was_taken`. The next task is woken.
     #[inline(never)]
     fn leave(&mut self, wait: &mut Wait, was_taken: bool) {
         self.is_taken &= !was_taken;
@@ -155,7 +156,7 @@ impl Queue<[Place]> {
         }
     }
 
-    /// Whether it has the line now.
+    /// Ready when the task has the line.
     #[inline(never)]
     fn poll(
         &mut self,
@@ -166,7 +167,7 @@ impl Queue<[Place]> {
             if wait.place != 0 || wait.how == How::Refused {
                 return Poll::Ready(Err(ClientError::NotMaster));
             }
-            // Who tries again and again lets others run.
+            // A task that tries again and again lets others run.
             wait.how = How::Refused;
             context.waker().wake_by_ref();
             return Poll::Pending;
@@ -196,12 +197,12 @@ impl Queue<[Place]> {
     }
 }
 
-/// The turns at one line, for `N` who wait.
+/// The queue of one line, with `N` places.
 pub(super) struct Turns<const N: usize>(RefCell<Queue<[Place; N]>>);
 
 impl<const N: usize> Turns<N> {
     pub const fn new() -> Self {
-        const { assert!(N >= 1 && N < 255, "at least one asks, and fewer than 255") };
+        const { assert!(N >= 1 && N < 255, "N must be 1..=254") };
         Self(RefCell::new(Queue {
             is_taken: false,
             is_closed: false,
@@ -220,15 +221,15 @@ impl<const N: usize> Turns<N> {
         look(&mut *self.0.borrow_mut())
     }
 
-    /// Whether somebody has the line or waits for it.
+    /// Whether a task has the line or waits for it.
     pub fn is_busy(&self) -> bool {
         self.with(|queue| !queue.is_for(u8::MAX))
     }
 
-    /// Waits for the line, behind those who asked before. Whoever waits, or has it, has to [leave](Self::leave).
+    /// Waits for the line, behind earlier requests. A task that waits, or has the line, must [leave](Self::leave).
     ///
     /// # Errors
-    /// [`ClientError::QueueFull`], [`ClientError::NotMaster`]; not if it is to be [held](How::Held).
+    /// [`ClientError::QueueFull`], [`ClientError::NotMaster`]; none for a task that [holds](How::Held) the line.
     #[inline(never)]
     pub fn poll(
         &self,
@@ -238,7 +239,7 @@ impl<const N: usize> Turns<N> {
         self.with(|queue| queue.poll(wait, context))
     }
 
-    /// Gives up what `wait` has: its place, and the line if it `was_taken`.
+    /// Gives up the place of `wait`, and the line if it `was_taken`.
     #[inline(never)]
     pub fn leave(&self, wait: &mut Wait, was_taken: bool) {
         self.with(|queue| queue.leave(wait, was_taken));
@@ -250,7 +251,7 @@ impl<const N: usize> Turns<N> {
         self.with(|queue| queue.give_back());
     }
 
-    /// The same as [`poll`](Self::poll), as a future.
+    /// Waits for the line as [`poll`](Self::poll) does, as a future.
     pub fn turn(&'static self, wait: Wait) -> impl Future<Output = Result<Turn<N>, ClientError>> {
         let mut waiting = Waiting { turns: self, wait };
         poll_fn(move |context| {
@@ -259,25 +260,25 @@ impl<const N: usize> Turns<N> {
         })
     }
 
-    /// Those who are parked are so no more.
+    /// Ends the wait of all parked requests.
     #[inline(never)]
     pub fn unpark(&self) {
         self.with(|queue| queue.unpark());
     }
 
-    /// From now on nobody may ask; who waits is refused.
+    /// Refuses all requests from now on, including those that wait.
     pub fn close(&self) {
         self.with(|queue| queue.is_closed = true);
         self.unpark();
     }
 
-    /// All may ask.
+    /// Accepts requests again.
     pub fn open(&self) {
         self.with(|queue| queue.is_closed = false);
     }
 }
 
-/// Leaves when it is dropped.
+/// Leaves the queue when it is dropped.
 struct Waiting<const N: usize> {
     turns: &'static Turns<N>,
     wait: Wait,
@@ -289,16 +290,16 @@ impl<const N: usize> Drop for Waiting<N> {
     }
 }
 
-/// The right to the line, held by one request at a time.
+/// The right to the line, which one request has at a time.
 pub(crate) struct Turn<const N: usize>(&'static Turns<N>);
 
 impl<const N: usize> Turn<N> {
-    /// Of somebody who has the line, and does not give it back.
+    /// The turn of a task that has the line and has not given it back.
     pub(super) fn taken(turns: &'static Turns<N>) -> Self {
         Self(turns)
     }
 
-    /// The holder gives the line back.
+    /// Keeps the line for the holder, who gives it back.
     pub(super) fn keep(self) {
         core::mem::forget(self);
     }

@@ -1,4 +1,4 @@
-//! How a transaction that the registers describe ends.
+//! The result of a transaction.
 
 use core::fmt;
 
@@ -6,26 +6,26 @@ use multidrop_protocol::port_registers::Status;
 
 use crate::client::ClientError;
 
-/// DATAOK, or DATAERR.
+/// The result of a transaction: DATAOK, or DATAERR.
 pub type Outcome = Result<(), Failure>;
 
-/// Why a transaction ended badly: the first of its requests that failed.
+/// Why a transaction failed: the first of its requests that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Failure {
-    /// The slave.
+    /// The unit id of the slave.
     pub unit: u8,
-    /// Address of the first item of the request.
+    /// The address of the first item of that request.
     pub address: u16,
-    /// What went wrong.
+    /// The error of that request.
     pub cause: ClientError,
 }
 
 impl Failure {
-    /// STATUS: 0 if the slave refused.
+    /// The value of STATUS; 0 if the slave returned an exception.
     pub const fn status(&self) -> Status {
         match self.cause {
             ClientError::Exception(_) => Status::Idle,
-            // Code 0 is no exception, and ERROR cannot tell it from none.
+            // Code 0 is no exception, and ERROR cannot distinguish it from none.
             ClientError::UnknownException(0) | ClientError::WrongFunction(_) => {
                 Status::WrongFunction
             }
@@ -43,7 +43,7 @@ impl Failure {
         }
     }
 
-    /// ERROR: the exception code, 0 if the slave did not refuse.
+    /// The value of ERROR: the exception code, 0 if the slave returned none.
     pub const fn error(&self) -> u8 {
         match self.cause {
             ClientError::Exception(exception) => exception.code(),

@@ -1,13 +1,12 @@
-//! A managed port: a line with its register set `MB_xxx`, all of it changed at run time.
+//! A managed port: a line with its register set `MB_xxx`, all of which can be changed at run time.
 //!
-//! [`ManagedPort`] is what its two tasks share with the application: [`managed_receive`] takes frames from the
-//! line, [`managed_run`] does all else, one thing at a time: it answers as a slave, carries out what START has
-//! started as a master, listens or prints as a [sniffer](crate::sniff), and follows loads of MODE, SLAVEID and the
-//! settings of the line in between. So a setting is never changed under a request, an answer or a transaction, and
-//! nothing of an old setting is on the wire with a new one.
+//! [`ManagedPort`] is what its two tasks share with the application. [`managed_receive`] takes frames from the line.
+//! [`managed_run`] does everything else, one thing at a time: it answers as a slave, carries out the transactions of
+//! START as a master, receives or prints as a [sniffer](crate::sniff), and applies loads of MODE, SLAVEID and the
+//! line settings in between. So a setting never changes during a request, an answer or a transaction.
 //!
-//! A slave answers with the port's own arrays; with a data model of the application where [`managed_serve`] stands in for
-//! [`managed_run`]; and for other units through a [router](mod@crate::route).
+//! A slave answers with the port's own arrays. With [`managed_serve`] in place of [`managed_run`] it answers with a
+//! data model of the application, and with a [router](mod@crate::route) for other units too.
 //!
 //! ```
 //! use multidrop::protocol::port_registers::{PortRegisters, Refused, Register};
@@ -60,11 +59,11 @@ use crate::shared::Shared;
 use crate::slot::{Slot, Waiter};
 use crate::sniff::TextSource;
 
-/// Events that are kept for [`ManagedPort::event`]; the oldest is dropped for one more. A transaction takes some characters'
-/// time at least, and one task starts them.
+/// Events that are kept for [`ManagedPort::event`]; one more drops the oldest. A transaction takes the time of some
+/// characters at least, and one task starts them all.
 pub const EVENTS: usize = 2;
 
-/// What START has started, as everything was set then.
+/// The transaction that START has started, with the settings of that moment.
 #[derive(Clone, Copy)]
 struct Started {
     transaction: Transaction,
@@ -72,26 +71,27 @@ struct Started {
     times: ClientConfig,
 }
 
-/// A port on line `L` with registers `P`, which are [`PortRegisters`]. `D` says whether its server counts.
+/// A port on line `L` with registers `P`, which are [`PortRegisters`]. `D` is [`Counted`](crate::Counted) if its
+/// server counts.
 ///
-/// `N` is how many may wait for the line: one place for the port itself, and one for each task with a
-/// [client](Self::client) of it. With fewer all goes well too, but the CPU does not sleep while the port waits.
+/// `N` tasks can wait for the line: the port itself, and each task with a [client](Self::client) of it. If more wait,
+/// all requests are still sent, but the CPU does not sleep while the port waits.
 pub struct ManagedPort<L: Line + 'static, P, D = Uncounted, const N: usize = 1> {
     name: &'static str,
     line: L,
     registers: Shared<P>,
     server: Server<D>,
     exchange: Exchange<L, N>,
-    /// Wakes the run task.
+    /// Wakes the run task with the next request.
     requests: Slot<Frame<'static, L>>,
-    /// What is in effect; the registers may be ahead of it.
+    /// The mode in effect; register MODE may already hold the next one.
     mode: Cell<Mode>,
     config: Cell<LineConfig>,
     started: Cell<Option<Started>>,
-    /// Something was loaded that the run task is to follow.
+    /// Whether the run task must apply a load.
     work: Cell<bool>,
     done: Slot<Outcome>,
-    /// The oldest first.
+    /// The events, the oldest first.
     events: [Cell<Option<Outcome>>; EVENTS],
     ended: Waiter,
     text_source: Option<&'static dyn TextSource>,
@@ -122,7 +122,8 @@ where
     C: Items<Item = bool>,
     V: Rules,
 {
-    /// The same with all counters of a server and a log of the last `LOG` events, 0 to 64.
+    /// A port with all counters of a server and a log of the last `LOG` events, 0 to 64, on `line`, which the board
+    /// has set up from the same `config`.
     ///
     /// # Panics
     /// If the arrays run past address 65535; [`PortConfig::bank`] finds that at compile time.
@@ -168,16 +169,16 @@ where
         }
     }
 
-    /// The same with routes to units on other ports, for requests that come in while it is a slave.
+    /// Adds routes to units on other ports, which a slave uses.
     pub fn routed(self, router: &'static dyn Gateway) -> Self {
-        const { assert!(L::HAS_NEIGHBOURS, "no other port to route to") };
+        const { assert!(L::HAS_NEIGHBOURS, "the line has no other port to route to") };
         Self {
             router: Some(router),
             ..self
         }
     }
 
-    /// The same with something to print while it is a sniffer with framing text.
+    /// Adds the text that the port prints while it is a sniffer with framing text.
     pub fn printing(self, text_source: &'static dyn TextSource) -> Self {
         Self {
             text_source: Some(text_source),
@@ -190,13 +191,13 @@ where
         self.name
     }
 
-    /// Loads a register, `LOAD(MB_RS4_name, value)`. What concerns the line or the part that the port plays is in
-    /// effect as soon as no request is being answered and no transaction runs; what is loaded before START is in
-    /// effect before its request goes out, what is loaded behind it not before its end.
+    /// Loads a register, `LOAD(MB_RS4_name, value)`. A change of the line or the mode takes effect when no request is
+    /// being answered and no transaction runs: what is loaded before START takes effect before its request is sent,
+    /// what is loaded after START takes effect after the end of the transaction.
     ///
     /// # Errors
-    /// [`Refused`]: names register, value, and what would be right. The old value is kept, and a
-    /// transaction under way is untouched.
+    /// [`Refused`], which names the register, the value, and the values that are accepted. The register keeps its old
+    /// value, and a transaction under way goes on.
     pub fn load(&self, register: Register, value: u32) -> Result<(), Refused> {
         if !L::HAS_NEIGHBOURS && register == Register::Mode && value == Mode::Sniffer as u32 {
             return Err(Refused {
@@ -261,24 +262,24 @@ where
     /// Starts the transaction that the registers describe, `LOAD(RS4, 1)`.
     ///
     /// # Errors
-    /// [`Refused`], with the register that stands in the way; a transaction under way is untouched.
+    /// [`Refused`], with the register that prevents it; a transaction under way goes on.
     pub fn start(&self) -> Result<(), Refused> {
         self.load(Register::Start, 1)
     }
 
-    /// Waits for the end of the transaction that was started last: DATAOK, or DATAERR with its reason. For one task;
-    /// others have [`event`](Self::event).
+    /// Waits for the end of the last transaction: DATAOK, or DATAERR with its reason. For one task; others use
+    /// [`event`](Self::event).
     ///
     /// # Cancellation
-    /// Safe: the transaction goes on, and its end is kept until it is asked for or another is started.
+    /// Safe: the transaction goes on, and its result is kept until it is read or another transaction is started.
     pub async fn done(&self) -> Outcome {
         poll_fn(|context| self.done.poll(context)).await
     }
 
-    /// The ends of all transactions, one after the other: DATAOK and DATAERR for a task that does not start them
-    /// itself. [`EVENTS`] of them are kept.
+    /// Waits for the result of the next transaction: DATAOK or DATAERR, for a task other than the one that starts
+    /// them. [`EVENTS`] results are kept.
     ///
-    /// # Cancellation
+    /// Safe: an event is taken only when the future completes.
     /// Safe.
     pub async fn event(&self) -> Outcome {
         poll_fn(|context| {
@@ -299,18 +300,19 @@ where
         &self.registers
     }
 
-    /// The server of the port's slave: its unit id and counters.
+    /// The server of the port, with its unit id and counters.
     pub const fn server(&self) -> &Server<D> {
         &self.server
     }
 
-    /// A client for requests that the registers do not describe, with times of its own. As long as the port is not master they are
-    /// refused: [`ClientError::NotMaster`](crate::client::ClientError::NotMaster).
+    /// A client of this port with times of its own, for requests that the registers do not describe. While the port
+    /// is not a master, requests are refused with [`ClientError::NotMaster`](crate::client::ClientError::NotMaster).
     pub const fn client(&'static self, times: ClientConfig) -> Client<L, N> {
         Client::new(&self.line, &self.exchange, times)
     }
 
-    /// The same with the times of the registers TIMEOUT, RETRIES and TURNAROUND, as they are whenever it needs them.
+    /// A client of this port with the times of the registers TIMEOUT, RETRIES and TURNAROUND, as they are at the time
+    /// of each request.
     pub const fn client_as_set(&'static self) -> Client<L, N> {
         Client::of_port(&self.line, &self.exchange)
     }

@@ -135,7 +135,7 @@ impl<L: Line, P, D: Diagnostics, const N: usize> ManagedPort<L, P, D, N> {
     /// Who asks `unit` on another port.
     fn router_to(&self, unit: u8) -> Option<&'static dyn Gateway> {
         let router = self.router.filter(|_| L::HAS_NEIGHBOURS)?;
-        (unit != self.server.unit() && router.leads_to(unit)).then_some(router)
+        (unit != self.server.unit() && router.has_route(unit)).then_some(router)
     }
 
     /// Whoever was waiting for a routed answer has given it up.
@@ -165,7 +165,7 @@ impl<L: Line, P, D: Diagnostics, const N: usize> ManagedPort<L, P, D, N> {
 
     /// Puts into `adu` what is to be sent unasked: some text, or the answer to a routed request. Gives its length, 0 for nothing.
     #[inline(never)]
-    fn say(&self, adu: &mut Adu) -> u8 {
+    fn write_unsolicited(&self, adu: &mut Adu) -> u8 {
         match (self.text_source(), self.router) {
             (Some(text_source), _) => text_source.text(adu),
             (None, Some(router)) => router.answer(adu),
@@ -253,7 +253,7 @@ where
             let mut router = None;
             let mut plan = Plan::Ignore;
             let early = if is_own {
-                self.say(frame.adu())
+                self.write_unsolicited(frame.adu())
             } else if is_heard {
                 0
             } else {
@@ -280,14 +280,14 @@ where
                 }
                 conclude(&self.server, model, &mut answer, request_len, plan);
                 if let Some(router) = router {
-                    return router.ask(&answer.bytes()[..usize::from(request_len)]);
+                    return router.forward(&answer.bytes()[..usize::from(request_len)]);
                 }
             }
             let is_out = answer.sent().await;
             if is_own {
                 // Whoever talks instead of waiting for an answer has given it up; text is said again.
                 if is_out && let Some(text_source) = self.text_source() {
-                    text_source.spoken(early);
+                    text_source.sent(early);
                 }
                 return;
             }

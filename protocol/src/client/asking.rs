@@ -1,20 +1,21 @@
-//! One request from its first try to its end: what may be asked while an answer is owed, what ends the wait, and what is tried
-//! again.
+//! The course of one request: how long it must wait for late answers, what ends its wait, and when it is sent again.
 //!
-//! [`LateAnswers`] is there once for each line, an [`Asking`] for each request. Neither waits nor has a clock: whoever drives them
-//! says what happened and when, and is told what to do. `multidrop::client` drives them on a microcontroller.
+//! There is one [`LateAnswers`] for each line and one [`Asking`] for each request. Both are state machines without a
+//! clock: the driver reports what happened and when, and gets back what to do. `multidrop::client` drives them on a
+//! microcontroller.
 //!
-//! 1. The line is ours and the request written: [`Asking::wait`] says how long it has to wait, and lets others go first.
-//! 2. Its last character is out: [`Asking::sent`], or [`LateAnswers::pause`] if nobody answers it. One that is given up while it goes
-//!    out, and may be whole all the same, is [owed](LateAnswers::owe) too.
-//! 3. What is heard goes to [`Asking::heard`]. At [`Asking::deadline`] that is [`Event::Nothing`], unless a frame has begun:
-//!    [`Asking::hears_out`].
-//! 4. [`Next`] says how it goes on. A request that is given up at 3 is [`Asking::given_up`].
+//! 1. The line is free and the request is encoded. [`Asking::wait`] returns how long it must wait; other requests may
+//!    go first.
+//! 2. The last character was sent: call [`Asking::sent`], or [`LateAnswers::pause`] if the request has no answer. A
+//!    request that is given up while it is being sent may be complete on the bus; call [`Asking::sent`] for it, too.
+//! 3. A frame was received: call [`Asking::heard`]. At [`Asking::deadline`], call it with [`Event::Nothing`]; if a
+//!    frame is being received at that moment, call [`Asking::receives_last_frame`] instead.
+//! 4. [`Next`] is what to do then. If the request is given up in step 3, call [`Asking::given_up`].
 //!
 //! ```
 //! use multidrop_protocol::client::{Asking, LateAnswers, Failure, Event, Moment, Next};
 //!
-//! // In ms.
+//! Times are in ms.
 //! let at = |now| Moment { now, timeout: 100, guard: 100, gap: 0 };
 //! let mut late_answers = LateAnswers::new();
 //! let mut first = Asking::new(17, 0);
@@ -23,7 +24,7 @@
 //! let next = first.heard(&mut late_answers, Event::Nothing, &at(100));
 //! assert_eq!(next, Next::Failed(Failure::Timeout));
 //!
-//! // The same unit and function: not before the late answer has come, or 100 ms are over.
+//! Another request with that unit and function must wait for the late answer, or for 100 ms.
 //! let second = Asking::new(17, 0);
 //! assert_eq!(second.wait(&mut late_answers, 3, 110), 90);
 //! assert_eq!(second.wait(&mut late_answers, 4, 110), 0);
@@ -36,79 +37,79 @@ use crate::exception::Exception;
 use crate::function::EXCEPTION_BIT;
 use crate::rtu::ReceiveErrors;
 
-/// What time it is, and how long a request waits from now on; in the ticks of [`LateAnswers`].
+/// The present time, and how long a request waits from now on; in the ticks of [`LateAnswers`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moment {
-    /// Now.
+    /// The present time.
     pub now: u32,
     /// From the end of the request to the first character of the answer (SER 2.4.1).
     pub timeout: u32,
-    /// From the end of the wait to the moment from which a late answer is not expected any more.
+    /// From the end of the wait to the time at which a late answer is no longer expected.
     pub guard: u32,
-    /// From an answer to the next request, whatever it is.
+    /// From an answer to the next request of any kind.
     pub gap: u32,
 }
 
-/// What was heard.
+/// The event that a request has waited for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event<'a> {
-    /// A good frame that stands, unit id and PDU, and what [`judge`](super::judge) says of it.
+    /// A good frame that stands, unit id and PDU, and the result of [`judge`](super::judge) for it.
     Frame(&'a [u8], Result<(), AnswerError>),
-    /// A damaged one.
+    /// A damaged frame.
     Damaged(ReceiveErrors),
-    /// The deadline has come, and nothing is being heard.
+    /// The deadline has passed, and no frame is being received.
     Nothing,
 }
 
-/// Why there was no answer.
+/// Why there was no valid answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Failure {
-    /// Nothing was heard.
+    /// No frame was received.
     Timeout,
-    /// The unit refused, or nothing better was heard than this.
+    /// The unit returned an exception, or an answer was received that does not fit the request.
     Answer(AnswerError),
-    /// Nothing better was heard than a damaged frame.
+    /// A damaged frame was received.
     Damaged(ReceiveErrors),
 }
 
-/// The unit will answer later.
+/// The unit has accepted the request and will answer later.
 const ACCEPTED: Failure = Failure::Answer(AnswerError::Exception(Exception::Acknowledge));
 
-/// How it goes on.
+/// What to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
-    /// Wait for what else is heard, until the deadline, which may be another one.
+    /// Wait until the deadline, which may have changed.
     Wait,
-    /// It was the answer.
+    /// Nothing: the frame was the answer.
     Answered,
-    /// Ask again, at once but behind others.
+    /// Send the request again at once, behind those of others.
     Again,
-    /// Ask again a timeout later: the unit is busy.
+    /// Send the request again one timeout later, since the unit is busy.
     Later,
-    /// It is over.
+    /// Nothing: the request has failed.
     Failed(Failure),
 }
 
-/// A request. See the module.
+/// The state of one request. See the module for how to drive it.
 #[derive(Clone, Copy, Debug)]
 pub struct Asking {
     unit: u8,
     function: u8,
     retries: u8,
-    /// The unit has accepted it: exception 05.
+    /// Whether the unit has accepted the request: exception 05.
     is_accepted: bool,
-    /// The deadline has passed while a frame was being heard.
+    /// Whether the deadline has passed while a frame was being received.
     is_last: bool,
-    /// What there is to tell if nothing better comes.
+    /// The error to report if no valid answer comes.
     end: Failure,
     deadline: u32,
-    /// Whether it was sent, and until when the answer to the last try is owed.
+    /// Whether the request was sent, and until when the answer to the last try is expected.
     was_sent: bool,
-    owed_until: u32,
+    expected_until: u32,
 }
 
 impl Asking {
-    /// A request to `unit` that is tried again so often.
+    /// A request to `unit` with this number of retries.
     pub const fn new(unit: u8, retries: u8) -> Asking {
         Asking {
             unit,
@@ -119,18 +120,19 @@ impl Asking {
             end: Failure::Timeout,
             deadline: 0,
             was_sent: false,
-            owed_until: 0,
+            expected_until: 0,
         }
     }
 
-    /// How long it has to wait for answers that are owed, in ticks from `now`; 0 if it may go out, with this function code.
-    /// For that of its own last try it does not wait: the first answer ends it, and the second is what is owed then.
+    /// How long the request must wait for late answers, in ticks from `now`; 0 if it may be sent with this function
+    /// code. It does not wait for the late answer to its own last try: the first answer ends it, and the second one
+    /// is then expected.
     pub fn wait(&self, late_answers: &mut LateAnswers, function: u8, now: u32) -> u32 {
-        let own = self.was_sent.then_some(self.owed_until);
-        late_answers.wait_but_for(self.unit, function, now, own)
+        let own = self.was_sent.then_some(self.expected_until);
+        late_answers.wait_except_own(self.unit, function, now, own)
     }
 
-    /// Its last character is out, with this function code: the wait begins.
+    /// Begins the wait: the last character was sent, with this function code.
     pub fn sent(&mut self, late_answers: &mut LateAnswers, function: u8, at: &Moment) {
         self.function = function;
         self.was_sent = true;
@@ -139,22 +141,28 @@ impl Asking {
         self.begin(late_answers, 1, at);
     }
 
-    /// A wait begins for the answer, which is owed, as `more` answers than before.
+    /// Begins a wait, after which `more` answers than before are expected.
     fn begin(&mut self, late_answers: &mut LateAnswers, more: u8, at: &Moment) {
         self.is_last = false;
         self.deadline = at.now.wrapping_add(at.timeout);
-        self.owe(late_answers, more, self.deadline, at);
+        self.expect_answer(late_answers, more, self.deadline, at);
     }
 
-    /// The answer is owed until the guard time behind this is over.
+    /// Expects the answer until the guard time after `behind` has passed.
     #[inline(never)]
-    fn owe(&mut self, late_answers: &mut LateAnswers, more: u8, behind: u32, at: &Moment) {
-        self.owed_until = behind.wrapping_add(at.guard);
-        late_answers.note(self.unit, self.function, more, self.owed_until, at.now);
+    fn expect_answer(
+        &mut self,
+        late_answers: &mut LateAnswers,
+        more: u8,
+        behind: u32,
+        at: &Moment,
+    ) {
+        self.expected_until = behind.wrapping_add(at.guard);
+        late_answers.expect(self.unit, self.function, more, self.expected_until, at.now);
     }
 
-    /// It is given up before its end: nobody asks anything before its answer has come, or its time is over, since both would be on
-    /// the bus at once. Behind that the answer is owed as others are.
+    /// Gives up the request before its end. No other request may be sent before its answer has come or its timeout
+    /// has passed, since both would be on the bus at once. After that the answer counts as a late one.
     pub fn given_up(&self, late_answers: &mut LateAnswers, now: u32) {
         let left = self.deadline.wrapping_sub(now);
         if left <= u32::MAX / 2 {
@@ -162,27 +170,27 @@ impl Asking {
         }
     }
 
-    /// When the wait is over, unless the answer is being heard then.
+    /// The end of the wait, unless a frame is being received then.
     pub const fn deadline(&self) -> u32 {
         self.deadline
     }
 
-    /// The deadline has come while a frame is being heard: that one is waited for, as long as it may be a good one, and is the
-    /// last one.
-    pub fn hears_out(&mut self) {
+    /// Tells that a frame is being received at the deadline: it is received to its end as long as it may be valid,
+    /// and is the last one.
+    pub fn receives_last_frame(&mut self) {
         self.is_last = true;
     }
 
-    /// How it goes on when this was heard.
+    /// Takes what was received, and returns what to do next.
     #[inline(never)]
     pub fn heard(&mut self, late_answers: &mut LateAnswers, heard: Event<'_>, at: &Moment) -> Next {
         let failure = match heard {
             Event::Frame(frame, judged) => {
-                // If it is not the answer, its own one is still to come.
+                // If the frame is not the answer to this request, its answer is still to come.
                 let is_other = judged.is_err_and(|error| !error.is_exception());
                 let is_own = matches!(*frame, [unit, function, ..]
                     if unit == self.unit && function & !EXCEPTION_BIT == self.function);
-                late_answers.pay(frame, (is_other && is_own).into());
+                late_answers.arrived(frame, (is_other && is_own).into());
                 late_answers.pause(at.gap, at.now);
                 match judged {
                     Ok(()) => return Next::Answered,
@@ -211,15 +219,15 @@ impl Asking {
                     _ => Next::Failed(self.end),
                 };
             }
-            // Once the unit has accepted the request, that is what is to be told.
+            // After the unit has accepted the request, that is the error to report.
             Some(failure) if !self.is_accepted => self.end = failure,
             _ => {}
         }
         if !is_over {
             return Next::Wait;
         }
-        // The answer may come from now on, for the guard time.
-        self.owe(late_answers, 0, at.now, at);
+        // From now on the answer may come within the guard time.
+        self.expect_answer(late_answers, 0, at.now, at);
         if !self.is_accepted && self.retry() {
             Next::Again
         } else {
@@ -227,7 +235,7 @@ impl Asking {
         }
     }
 
-    /// Whether it may be tried once more, which counts. For a driver that could not send it.
+    /// Uses up one retry; returns whether there was one. For a driver that could not send the request.
     pub fn retry(&mut self) -> bool {
         let left = self.retries.checked_sub(1);
         self.retries = left.unwrap_or(0);

@@ -13,7 +13,7 @@ pub struct ReadBits {
 }
 
 impl ReadBits {
-    /// `count` coils from `first` on, 1..=2000.
+    /// Reads `count` coils from `first` on, 1..=2000.
     pub const fn coils(first: u16, count: u16) -> ReadBits {
         ReadBits {
             function: function::READ_COILS,
@@ -22,7 +22,7 @@ impl ReadBits {
         }
     }
 
-    /// `count` discrete inputs from `first` on, 1..=2000.
+    /// Reads `count` discrete inputs from `first` on, 1..=2000.
     pub const fn discrete_inputs(first: u16, count: u16) -> ReadBits {
         ReadBits {
             function: function::READ_DISCRETE_INPUTS,
@@ -31,11 +31,11 @@ impl ReadBits {
         }
     }
 
-    /// The values in the answer. What is behind the last of them in its byte is not looked at.
+    /// The values in the answer. Bits behind the last value are ignored.
     ///
     /// # Errors
     ///
-    /// [`AnswerError`] if `frame` has not the length for it.
+    /// [`AnswerError`] if the length of `frame` does not fit the request.
     #[inline(never)]
     pub fn answer<'a>(&self, frame: &'a [u8]) -> Result<Coils<'a>, AnswerError> {
         let bytes = counted_exactly(frame, bytes_for(self.count))?;
@@ -60,9 +60,9 @@ impl Request for ReadBits {
 /// Write Single Coil (APP 6.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WriteCoil {
-    /// Which.
+    /// The address of the coil.
     pub address: u16,
-    /// On or off.
+    /// Whether the coil is switched on.
     pub on: bool,
 }
 
@@ -89,12 +89,12 @@ impl Request for WriteCoil {
     }
 }
 
-/// Write Multiple Coils (APP 6.11), one `bool` for each.
+/// Write Multiple Coils (APP 6.11), with one `bool` for each coil.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WriteCoils<'a> {
-    /// Address of the first.
+    /// The address of the first coil.
     pub first: u16,
-    /// What they become, 1..=1968.
+    /// The new values, 1..=1968.
     pub values: &'a [bool],
 }
 
@@ -116,14 +116,14 @@ impl Request for WriteCoils<'_> {
     }
 }
 
-/// Write Multiple Coils (APP 6.11), eight to a byte, the first in the lowest bit of the first byte.
+/// Write Multiple Coils (APP 6.11), with eight coils to a byte, the first in the lowest bit of the first byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WritePackedCoils<'a> {
-    /// Address of the first.
+    /// The address of the first coil.
     pub first: u16,
-    /// How many, 1..=1968.
+    /// The number of coils, 1..=1968.
     pub count: u16,
-    /// What they become: a byte for each eight begun. Bits behind the last coil are not sent.
+    /// The new values: a byte for each eight coils begun. Bits behind the last coil are not sent.
     pub bytes: &'a [u8],
 }
 
@@ -150,7 +150,7 @@ impl Request for WritePackedCoils<'_> {
     }
 }
 
-/// Function code, first address, count and byte count.
+/// Writes function code, first address, count and byte count.
 fn head(draft: &mut Draft<'_>, first: u16, count: usize) -> Result<(), RequestError> {
     block(first, count, function::WRITE_COILS_MAX)?;
     let count = count as u16;

@@ -3,11 +3,12 @@
 use super::{AnswerError, Draft, Request, RequestError, data, echo, length};
 use crate::function;
 
-/// Diagnostics (APP 6.8) with one word of data: every sub-function but Return Query Data, which is [`ReturnQueryData`].
+/// Diagnostics (APP 6.8) with one word of data: every sub-function except Return Query Data, which is
+/// [`ReturnQueryData`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Diagnostic {
-    /// Restart Communications Option: clears the counters, and leaves listen-only mode. A server that was in it does not
-    /// answer.
+    /// Restart Communications Option: clears the counters and ends listen-only mode. A server in listen-only mode
+    /// does not answer it.
     Restart {
         /// Whether the event log is cleared too.
         clear_log: bool,
@@ -16,7 +17,7 @@ pub enum Diagnostic {
     Register,
     /// Change ASCII Input Delimiter: this character in place of LF.
     Delimiter(u8),
-    /// Force Listen Only Mode. Never answered: the request is over when it has been sent.
+    /// Force Listen Only Mode, which has no answer: the request ends when it has been sent.
     ListenOnly,
     /// Clear Counters and Diagnostic Register.
     Clear,
@@ -41,7 +42,7 @@ pub enum Diagnostic {
 }
 
 impl Diagnostic {
-    /// Sub-function and data of the request.
+    /// The sub-function and data of the request.
     const fn words(self) -> (u16, u16) {
         match self {
             Diagnostic::Restart { clear_log: false } => (0x0001, 0x0000),
@@ -62,16 +63,16 @@ impl Diagnostic {
         }
     }
 
-    /// Whether the answer carries a value, rather than the request's data.
+    /// Whether the answer holds a value rather than the data of the request.
     const fn reads(self) -> bool {
         matches!(self.words().0, 0x0002 | 0x000B..=0x0012)
     }
 
-    /// The register or counter asked for; of the others the data that was sent.
+    /// The register or counter that was requested; for other sub-functions the data of the request.
     ///
     /// # Errors
     ///
-    /// [`AnswerError`] for another length, sub-function or echo.
+    /// [`AnswerError`] for a wrong length, sub-function or echo.
     pub fn answer(&self, frame: &[u8]) -> Result<u16, AnswerError> {
         let (sub, word) = self.words();
         let value = match data(frame) {
@@ -104,7 +105,7 @@ impl Request for Diagnostic {
     }
 }
 
-/// Diagnostics, sub-function Return Query Data (APP 6.8): the server sends the same data back.
+/// Diagnostics, sub-function Return Query Data (APP 6.8): the server returns the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReturnQueryData<'a> {
     /// Any data, 0..=250 bytes.

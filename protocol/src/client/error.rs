@@ -1,79 +1,79 @@
-//! What can be wrong with a request, and with an answer.
+//! The errors of a request, and of an answer.
 
 use core::fmt;
 
 use crate::exception::Exception;
 
-/// A request that is outside the limits of the standard and is not sent: the caller's fault.
+/// Why a request is outside the limits of the standard and was not sent. The caller is to blame.
 ///
-/// Displayed it names the field, its value and what would be right.
+/// The message names the field, its value and the values that are accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestError {
-    /// No such unit: 0 is a broadcast, 1..=247 are servers (SER 2.2).
+    /// The unit id is reserved: 0 is a broadcast, 1..=247 are servers (SER 2.2).
     Unit {
-        /// What was asked for.
+        /// The unit id of the request.
         unit: u8,
     },
-    /// To unit 0, which nobody answers (SER 2.2), with a function that reads: 1..=247 would be right.
+    /// A function that reads was sent to unit 0, which no server answers (SER 2.2); 1..=247 are accepted.
     Broadcast {
-        /// The function code.
+        /// The function code of the request.
         function: u8,
     },
-    /// Items of a block: 1..=`max` can be asked for at once.
+    /// The number of items is not 1..=`max`.
     Count {
-        /// What was asked for; 65535 stands for more, too.
+        /// The number of items in the request; 65535 stands for more, too.
         count: u16,
         /// The limit of the function.
         max: u16,
     },
-    /// A block that would run past address 65535.
+    /// The block would run past address 65535.
     End {
-        /// Its first address.
+        /// The address of the first item.
         first: u16,
-        /// Its items.
+        /// The number of items.
         count: u16,
     },
-    /// Function code of a [`Raw`](super::Raw) request: 1..=127 would be right.
+    /// The function code of a [`Raw`](super::Raw) request is not 1..=127.
     Function {
-        /// What was asked for.
+        /// The function code of the request.
         function: u8,
     },
-    /// Bytes of data, or of groups: the PDU would be too long, or they are none.
+    /// The data, or the groups, are empty or would make the PDU too long.
     Data {
-        /// How many there are; 65535 stands for more, too.
+        /// The bytes of the request; 65535 stands for more, too.
         len: u16,
         /// The limit of the function.
         max: u16,
     },
-    /// Bytes of packed coils: eight coils to a byte, neither more nor fewer.
+    /// The length of packed coils does not fit their number; there must be exactly one byte for each eight coils.
     Packed {
-        /// How many there are.
+        /// The bytes of the request.
         len: u16,
-        /// How many the coils need.
+        /// The bytes that the coils need.
         needed: u16,
     },
-    /// A file number: 1..=65535 would be right (APP 6.14).
+    /// The file number is not 1..=65535 (APP 6.14).
     File {
-        /// What was asked for.
+        /// The file number of the request.
         file: u16,
     },
-    /// A group that would run past record 9999 of its file (APP 6.14).
+    /// The group would run past record 9999 of its file (APP 6.14).
     Record {
-        /// Its first record.
+        /// The number of the first record.
         record: u16,
-        /// Its records.
+        /// The number of records.
         count: u16,
     },
-    /// A code of Read Device Identification: 1..=4 would be right (APP 6.21).
+    /// The code of Read Device Identification is not 1..=4 (APP 6.21).
     Code {
-        /// What was asked for.
+        /// The code of the request.
         code: u8,
     },
-    /// The memory that the answer is to go to is too small for it.
+    /// The memory for the answer is too small.
     Room {
-        /// What there is of it.
+        /// The items that there is memory for.
         room: u16,
-        /// What the answer needs.
+        /// The items of the answer.
         needed: u16,
     },
 }
@@ -84,7 +84,7 @@ impl fmt::Display for RequestError {
             RequestError::Unit { unit } => write!(f, "unit is {unit}, must be 0..=247"),
             RequestError::Broadcast { function } => write!(
                 f,
-                "unit is 0, must be 1..=247: function {function} reads and a broadcast is not answered"
+                "unit is 0, must be 1..=247: function {function} reads, and a broadcast has no answer"
             ),
             RequestError::Count { count, max } => write!(f, "count is {count}, must be 1..={max}"),
             RequestError::End { first, count } => write!(
@@ -116,25 +116,26 @@ impl fmt::Display for RequestError {
 
 impl core::error::Error for RequestError {}
 
-/// What a good frame is, if it is not the answer that was asked for.
+/// Why a good frame is not a positive answer to the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AnswerError {
-    /// It is from this unit, which was not asked.
+    /// The frame is from this unit, to which the request was not sent.
     Unit(u8),
-    /// It has this function code, which was not asked for.
+    /// The frame has this function code, which is not that of the request.
     Function(u8),
-    /// Its length, these bytes of unit id and PDU, is not what the request demands, or not what its own byte count says.
+    /// The length of the frame, this number of bytes of unit id and PDU, does not fit the request, or its own byte
+    /// count.
     Length(u8),
-    /// Its echo is not that of the request, or a field has a value that it cannot have.
+    /// The echo in the frame differs from the request, or a field has an impossible value.
     Content,
-    /// The server refused: this is the answer.
+    /// The server returned an exception, which is the answer.
     Exception(Exception),
-    /// The server refused with a code that the standard does not define: this is the answer.
+    /// The server returned an exception code that the standard does not define, which is the answer.
     UnknownException(u8),
 }
 
 impl AnswerError {
-    /// Whether the request is answered by this.
+    /// Whether this is an exception, which ends the request.
     pub const fn is_exception(self) -> bool {
         matches!(
             self,

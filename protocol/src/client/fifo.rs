@@ -12,7 +12,7 @@ pub struct ReadFifo {
 }
 
 impl ReadFifo {
-    /// The values in the queue, at most 31, maybe none.
+    /// The values in the queue, 0 to 31.
     ///
     /// # Errors
     ///
@@ -23,7 +23,7 @@ impl ReadFifo {
         };
         let bytes = usize::from(u16::from_be_bytes([*bytes_high, *bytes_low]));
         let count = usize::from(u16::from_be_bytes([*count_high, *count_low]));
-        // The first count is of what follows it.
+        // The first count covers the bytes behind it.
         if bytes != 2 + values.len() {
             return Err(length(frame));
         }

@@ -7,32 +7,32 @@ use crate::function::{self, REFERENCE_TYPE as REFERENCE};
 /// Bytes before the data of a group: reference type, file, record, length.
 const GROUP: usize = 7;
 
-/// Some records of a file, to be read.
+/// A group of file records to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileRange {
-    /// The file, from 1.
+    /// The file number, from 1.
     pub file: u16,
-    /// The first record, 0..=9999.
+    /// The number of the first record, 0..=9999.
     pub record: u16,
-    /// How many records, from 1.
+    /// The number of records, from 1.
     pub count: u16,
 }
 
-/// Some records of a file, to be written.
+/// A group of file records to be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileData<'a> {
-    /// The file, from 1.
+    /// The file number, from 1.
     pub file: u16,
-    /// The first record, 0..=9999.
+    /// The number of the first record, 0..=9999.
     pub record: u16,
-    /// What the records become, at least one.
+    /// The new values of the records, at least one.
     pub values: &'a [u16],
 }
 
 /// Read File Record (APP 6.14): one or more groups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadFiles<'a> {
-    /// What to read: as many groups as fit, and no more than their answer has room for.
+    /// The groups to read: as many as fit in the request, and their records in the answer.
     pub groups: &'a [FileRange],
 }
 
@@ -41,7 +41,7 @@ impl ReadFiles<'_> {
     ///
     /// # Errors
     ///
-    /// [`AnswerError`] if the groups of the answer are not those of the request.
+    /// [`AnswerError`] if the groups of the answer do not fit those of the request.
     pub fn answer<'a>(&self, frame: &'a [u8]) -> Result<FileRecords<'a>, AnswerError> {
         let all = counted(frame)?;
         let mut rest = all;
@@ -101,10 +101,10 @@ impl<'a> Iterator for FileRecords<'a> {
     }
 }
 
-/// Write File Record (APP 6.15): one or more groups, all of them or none.
+/// Write File Record (APP 6.15): one or more groups, of which all or none are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WriteFiles<'a> {
-    /// What to write: as many groups as fit.
+    /// The groups to write, as many as fit in the request.
     pub groups: &'a [FileData<'a>],
 }
 
@@ -164,12 +164,12 @@ impl Request for WriteFiles<'_> {
 
 /// The largest byte count of Read File Record, in request and answer (APP 6.14).
 const READ_MAX: usize = 0xF5;
-/// Byte count of Write File Record (APP 6.15).
+/// The smallest byte count of Write File Record (APP 6.15).
 const WRITE_MIN: usize = 0x09;
-/// See [`WRITE_MIN`].
+/// The largest byte count of Write File Record (APP 6.15).
 const WRITE_MAX: usize = 0xFB;
 
-/// The byte count of a read, of request or answer. One group or more makes the least of both.
+/// Checks the byte count of a read, of request or answer. One group has at least the smallest byte count.
 fn fits(bytes: usize) -> Result<(), RequestError> {
     if (1..=READ_MAX).contains(&bytes) {
         Ok(())

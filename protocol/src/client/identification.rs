@@ -3,26 +3,27 @@
 use super::{AnswerError, Draft, Request, RequestError, data, length};
 use crate::function::{self, READ_DEVICE_ID as MEI};
 
-/// The code that asks for one object.
+/// The code that reads one object.
 const SPECIFIC: u8 = 4;
 
 /// Read Device Identification (APP 6.21).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadIdentification {
-    /// 1 basic, 2 regular, 3 extended objects, from `object` on; 4 `object` alone.
+    /// 1 reads basic, 2 regular, 3 extended objects, from `object` on; 4 reads `object` alone.
     pub code: u8,
-    /// Where to begin, 0 at first; then [`Identification::next`].
+    /// The first object, 0 in the first request, then [`Identification::next`].
     pub object: u8,
 }
 
 /// The answer to [`ReadIdentification`].
 #[derive(Clone, Copy, Debug)]
 pub struct Identification<'a> {
-    /// What the device has: 01, 02, 03 basic, regular, extended, as a stream; 81, 82, 83 the same, objects one by one too.
+    /// The conformity level of the device: 01, 02, 03 for basic, regular, extended objects as a stream; 81, 82, 83 if
+    /// objects can also be read one by one.
     pub conformity: u8,
-    /// The object to ask for next, if there are more than fit into one answer.
+    /// The first object of the next request, if there are more than fit in one answer.
     pub next: Option<u8>,
-    /// What is there.
+    /// The objects in this answer.
     pub objects: Objects<'a>,
 }
 
@@ -46,11 +47,12 @@ impl<'a> Iterator for Objects<'a> {
 }
 
 impl ReadIdentification {
-    /// What the device says.
+    /// The content of the answer.
     ///
     /// # Errors
     ///
-    /// [`AnswerError`] if the frame is not made up of the objects it says, or is not about what was asked.
+    /// [`AnswerError`] if the frame does not consist of the objects that it announces, or they do not fit the
+    /// request.
     pub fn answer<'a>(&self, frame: &'a [u8]) -> Result<Identification<'a>, AnswerError> {
         let [mei, code, conformity, more, next, count, bytes @ ..] = data(frame) else {
             return Err(length(frame));

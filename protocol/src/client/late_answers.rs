@@ -1,15 +1,16 @@
-//! What a line still owes: answers that were waited for in vain and may come all the same.
+//! Late answers of a line: answers that have not come within the timeout and may come later.
 //!
-//! Nothing in a Modbus frame says which request it answers. An answer that comes behind its time is therefore told from
-//! those to later requests by not asking what it could be taken for: a unit that owes the answer to a function is not asked
-//! for that function before the answer has come, or a guard time is over. An exception carries no length and a read none of
-//! its addresses, so same unit and same function is what can be mistaken; all else is asked meanwhile.
+//! A Modbus frame does not tell which request it answers. To tell a late answer from the answer to a later request, a
+//! request is held back if the late answer could be taken for its own: while the answer of a unit to a function is
+//! expected, no other request with that function is sent to that unit, until the answer has come or the guard time
+//! has passed. An exception has no length and a read no address in its answer, so unit id and function code decide;
+//! all other requests are sent meanwhile.
 
 use super::Moment;
 use crate::exception::Exception;
 use crate::function::EXCEPTION_BIT;
 
-/// Answers owed by one unit to one function. None if `count` is 0.
+/// The late answers of one unit to one function; none if `count` is 0.
 #[derive(Clone, Copy, Debug)]
 struct LateAnswer {
     unit: u8,
@@ -18,27 +19,28 @@ struct LateAnswer {
     until: u32,
 }
 
-/// What one line owes: up to four units and functions at a time. Where there are as many, the whole line waits for one of
-/// them, as it does [after a broadcast](LateAnswers::pause).
+/// The late answers of one line, of up to four pairs of unit and function at a time. If all four are in use, the
+/// whole line waits for one of them, as it does [after a broadcast](LateAnswers::pause).
 ///
-/// Time is in ticks that wrap, of any length, such as ms; no time given here is more than 2^31 of them. A late answer that nobody
-/// has asked about for nearly 2^32 ticks may count once more, for no longer than it did.
+/// Time is in ticks of any length, such as ms, which wrap. No time passed here may be more than 2^31 ticks. A late
+/// answer that is not looked at for nearly 2^32 ticks may count once more, for no longer than before.
 #[derive(Debug)]
 pub struct LateAnswers {
     table: [LateAnswer; LateAnswers::PLACES],
-    /// Nothing at all is asked until then, or until this unit has answered this function; 0 is none.
+    /// Whether no request may be sent until `paused_until`, or until this unit has answered this function; (0, 0) is
+    /// none.
     is_paused: bool,
     paused_by: (u8, u8),
     paused_until: u32,
-    /// The longest time that anything here has had: what seems to have more left is over.
+    /// The longest time that was ever set: a longer time left means that it has passed.
     longest: u32,
 }
 
 impl LateAnswers {
-    /// How many units and functions it has room for.
+    /// The number of pairs of unit and function.
     pub const PLACES: usize = 4;
 
-    /// Nothing is owed.
+    /// An account without late answers.
     pub const fn new() -> LateAnswers {
         LateAnswers {
             table: [LateAnswer {
@@ -54,20 +56,20 @@ impl LateAnswers {
         }
     }
 
-    /// Whether no request has to wait, whatever it is.
+    /// Whether no request has to wait, whatever its unit and function.
     pub fn is_empty(&self) -> bool {
         !self.is_paused && self.table.iter().all(|late_answer| late_answer.count == 0)
     }
 
-    /// How long a request to `unit` with `function` has to wait, in ticks; 0 if it may go out. It may be less than that: look
-    /// again when something was [heard](LateAnswers::heard). At the end of that time ask again.
+    /// How long a request to `unit` with `function` must wait, in ticks; 0 if it may be sent. The wait can end
+    /// before: call this again after a frame was [heard](LateAnswers::heard), and at the end of that time.
     pub fn wait(&mut self, unit: u8, function: u8, now: u32) -> u32 {
-        self.wait_but_for(unit, function, now, None)
+        self.wait_except_own(unit, function, now, None)
     }
 
-    /// The same for a request that went out before and owes this: its own late answer does not hold it up.
+    /// How long a request must wait whose own last answer is expected until `own`: it does not wait for that one.
     #[inline(never)]
-    pub(super) fn wait_but_for(
+    pub(super) fn wait_except_own(
         &mut self,
         unit: u8,
         function: u8,
@@ -76,14 +78,14 @@ impl LateAnswers {
     ) -> u32 {
         let mut has_room = false;
         for place in 0..LateAnswers::PLACES {
-            if self.left(self.table[place].until, now) == 0 {
+            if self.remaining(self.table[place].until, now) == 0 {
                 self.table[place].count = 0;
             }
             has_room |= self.table[place].count == 0;
         }
         let wait = match self.find(unit, function) {
             Some(late_answer) if own == Some(late_answer.until) => 0,
-            Some(&mut LateAnswer { until, .. }) => self.left(until, now),
+            Some(&mut LateAnswer { until, .. }) => self.remaining(until, now),
             None if has_room => 0,
             None => {
                 let left = self
@@ -94,7 +96,7 @@ impl LateAnswers {
             }
         };
         if self.is_paused {
-            let pause = self.left(self.paused_until, now);
+            let pause = self.remaining(self.paused_until, now);
             self.is_paused = pause > 0;
             return wait.max(pause);
         }
@@ -109,15 +111,15 @@ impl LateAnswers {
     }
 
     #[inline(never)]
-    fn left(&self, until: u32, now: u32) -> u32 {
+    fn remaining(&self, until: u32, now: u32) -> u32 {
         let left = until.wrapping_sub(now);
         if left > self.longest { 0 } else { left }
     }
 
-    /// So many answers more are owed, and all of this kind until then.
+    /// Expects `more` answers, and all of this unit and function until `until`.
     #[inline(never)]
-    pub(super) fn note(&mut self, unit: u8, function: u8, more: u8, until: u32, now: u32) {
-        self.notice(until, now);
+    pub(super) fn expect(&mut self, unit: u8, function: u8, more: u8, until: u32, now: u32) {
+        self.raise_longest(until, now);
         if self.find(unit, function).is_none() {
             let free = self
                 .table
@@ -135,48 +137,48 @@ impl LateAnswers {
         }
     }
 
-    /// Nothing at all is to be asked for `ticks` from `now`: after a broadcast, so that all servers are done with it (SER 2.4.1),
-    /// or where units need a pause behind an answer. None if `ticks` is 0.
+    /// Holds back all requests for `ticks` from `now`: after a broadcast, so that all servers can execute it (SER
+    /// 2.4.1), or where units need a pause after an answer. If `ticks` is 0, nothing changes.
     pub fn pause(&mut self, ticks: u32, now: u32) {
         self.pause_for((0, 0), ticks, now);
     }
 
-    /// The same; the answer of this unit to this function ends it.
+    /// Holds back all requests for `ticks` from `now`, or until the unit in `by` has answered the function in `by`.
     #[inline(never)]
     pub(super) fn pause_for(&mut self, by: (u8, u8), ticks: u32, now: u32) {
         if ticks > 0 {
             self.is_paused = true;
             self.paused_by = by;
             self.paused_until = now.wrapping_add(ticks);
-            self.notice(self.paused_until, now);
+            self.raise_longest(self.paused_until, now);
         }
     }
 
     #[inline(never)]
-    fn notice(&mut self, until: u32, now: u32) {
+    fn raise_longest(&mut self, until: u32, now: u32) {
         self.longest = self.longest.max(until.wrapping_sub(now));
     }
 
-    /// Whether a frame, unit id and PDU, is an answer that is owed: if it stands, [`heard`](LateAnswers::heard) is to be told.
+    /// Whether a frame, unit id and PDU, is a late answer; if it stands, call [`heard`](LateAnswers::heard).
     #[inline(never)]
-    pub fn is_owed(&mut self, frame: &[u8]) -> bool {
+    pub fn is_expected(&mut self, frame: &[u8]) -> bool {
         match *frame {
             [unit, function, ..] => self.find(unit, function & !EXCEPTION_BIT).is_some(),
             _ => false,
         }
     }
 
-    /// A good frame that nobody waits for, unit id and PDU: whether that was owed. An exception counts as the answer, but for
-    /// 05: the answer is still to come.
+    /// Takes a good frame, unit id and PDU, for which no request waits; returns whether it was a late answer. An
+    /// exception counts as the answer, except 05, after which the answer is still to come.
     pub fn heard(&mut self, frame: &[u8], at: &Moment) -> bool {
-        let was_owed = self.pay(frame, 0);
+        let was_expected = self.arrived(frame, 0);
         self.pause(at.gap, at.now);
-        was_owed
+        was_expected
     }
 
-    /// The same; this many answers stay owed at least.
+    /// Takes an answer that has arrived; `rest` answers are still expected at least.
     #[inline(never)]
-    pub(super) fn pay(&mut self, frame: &[u8], rest: u8) -> bool {
+    pub(super) fn arrived(&mut self, frame: &[u8], rest: u8) -> bool {
         let [unit, code, ref data @ ..] = *frame else {
             return false;
         };

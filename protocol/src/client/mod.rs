@@ -1,13 +1,13 @@
-//! The client's half of a transaction: a request made in the buffer it is sent from, an answer held against its request.
+//! The client's half of a transaction: encoding requests, and checking answers.
 //!
-//! There is one type per function, each a [`Request`]. [`encode`] checks it against the limits of the standard and puts it
-//! into a frame; nothing that is wrong gets that far. [`judge`] tells whether a frame that was heard is the answer: from the
-//! unit that was asked, with its function, of exactly the length that the request demands, with its echo. What is in the
-//! answer is then read from the frame, without a copy, by the `answer` of the request's type.
+//! There is one type per function, which implements [`Request`]. [`encode`] checks a request against the limits of
+//! the standard and writes it to a frame. [`judge`] checks whether a received frame is the answer: its unit id, its
+//! function code, its length and its echo. The `answer` method of the request's type then reads the data from the
+//! frame without a copy.
 //!
-//! A request says nothing of who is asked: the same may be sent to many units. [`Asking`] is the course of one: what ends
-//! the wait, what is tried again; [`LateAnswers`] are the answers that a line still owes, which must not be taken for others. Both
-//! are without a clock: time comes in as an argument.
+//! A request has no unit id, so one may be sent to many units. [`Asking`] is the course of one request: what ends its
+//! wait and when it is sent again. [`LateAnswers`] are the answers that a line still expects, which must not be taken
+//! for others. Both have no clock: time is an argument.
 //!
 //! # Example
 //!
@@ -23,7 +23,7 @@
 //! assert_eq!(client::judge(&request, 17, 0x03, &answer), Ok(()));
 //! assert_eq!(request.answer(&answer).unwrap().get(1), Some(0x5652));
 //!
-//! // Another unit's answer, and one that is cut off.
+//! Another unit's answer, and an answer that is cut off.
 //! assert_eq!(client::judge(&request, 18, 0x03, &answer), Err(AnswerError::Unit(17)));
 //! assert_eq!(client::judge(&request, 17, 0x03, &answer[..7]), Err(AnswerError::Length(7)));
 //! ```
@@ -59,12 +59,12 @@ use crate::exception::Exception;
 use crate::function::EXCEPTION_BIT;
 use crate::{Adu, BROADCAST, UNIT_MAX};
 
-/// Unit id and function code: the least a frame can be.
+/// Bytes of the shortest frame: unit id and function code.
 const LEN_MIN: usize = 2;
-/// Unit id and the longest PDU.
+/// Bytes of unit id and the longest PDU.
 const LEN_MAX: u8 = 254;
 
-/// One request of one function.
+/// One request.
 ///
 /// It is used as `&dyn Request`, so that all functions share the code that sends and waits.
 pub trait Request {
@@ -72,11 +72,11 @@ pub trait Request {
     ///
     /// # Errors
     ///
-    /// [`RequestError`] for what is outside the limits of the function.
+    /// [`RequestError`] for a field outside the limits of the function.
     fn encode(&self, draft: &mut Draft<'_>) -> Result<(), RequestError>;
 
-    /// Whether `frame`, an answer from the right unit with the right function code, is one to this request: its length, its
-    /// byte count, its echo. At least two bytes, any content.
+    /// Checks whether `frame`, an answer from the right unit with the right function code, fits this request: its
+    /// length, its byte count, its echo. `frame` has at least two bytes.
     ///
     /// # Errors
     ///
@@ -84,7 +84,7 @@ pub trait Request {
     fn check(&self, frame: &[u8]) -> Result<(), AnswerError>;
 }
 
-/// A request as it is written, unit id first.
+/// A request that is being encoded, unit id first.
 #[derive(Debug)]
 pub struct Draft<'a> {
     adu: &'a mut Adu,
@@ -93,15 +93,15 @@ pub struct Draft<'a> {
 }
 
 impl Draft<'_> {
-    /// One more byte.
+    /// Appends a byte.
     #[inline]
     pub fn byte(&mut self, byte: u8) {
         self.adu[usize::from(self.len)] = byte;
-        // At 255 it is too long, and stays so.
+        // 255 is too long, and stays so.
         self.len = self.len.saturating_add(1);
     }
 
-    /// One more word, high byte first (APP 4.2).
+    /// Appends a word, high byte first (APP 4.2).
     #[inline(never)]
     pub fn word(&mut self, word: u16) {
         let [high, low] = word.to_be_bytes();
@@ -109,7 +109,7 @@ impl Draft<'_> {
         self.byte(low);
     }
 
-    /// Words one behind the other, as they stand in a block of registers.
+    /// Appends words, as in a block of registers.
     #[inline(never)]
     pub fn words(&mut self, words: &[u16]) {
         let from = usize::from(self.len);
@@ -121,11 +121,11 @@ impl Draft<'_> {
         self.len = self.len.saturating_add(bytes);
     }
 
-    /// The function code of a request that is good for nothing without an answer.
+    /// Appends the function code of a request that needs an answer.
     ///
     /// # Errors
     ///
-    /// [`RequestError::Broadcast`] if it goes to unit 0, which nobody answers (SER 2.2).
+    /// [`RequestError::Broadcast`] if the request is for unit 0, which has no answer (SER 2.2).
     pub fn read(&mut self, function: u8) -> Result<(), RequestError> {
         if self.adu[0] == BROADCAST {
             return Err(RequestError::Broadcast { function });
@@ -134,26 +134,27 @@ impl Draft<'_> {
         Ok(())
     }
 
-    /// The request is not answered even if it goes to one unit.
+    /// Marks the request as one without an answer, even from a single unit.
     pub fn silence(&mut self) {
         self.answered = false;
     }
 }
 
-/// A request in its frame.
+/// An encoded request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Encoded {
     /// Bytes of unit id and PDU, 2..=254.
     pub len: u8,
-    /// Whether an answer is to be waited for: not after a broadcast (SER 2.2) and not after Force Listen Only Mode (APP 6.8).
+    /// Whether the request has an answer: not after a broadcast (SER 2.2), and not after Force Listen Only Mode (APP
+    /// 6.8).
     pub answered: bool,
 }
 
-/// Puts a request to `unit` (1..=247, or 0 for a broadcast) into `adu`, without its CRC.
+/// Encodes a request to `unit` (1..=247, or 0 for a broadcast) in `adu`, without its CRC.
 ///
 /// # Errors
 ///
-/// [`RequestError`]; what is in `adu` then is not to be sent.
+/// [`RequestError`]; the content of `adu` must then not be sent.
 #[inline(never)]
 pub fn encode(request: &dyn Request, unit: u8, adu: &mut Adu) -> Result<Encoded, RequestError> {
     if unit > UNIT_MAX {
@@ -175,12 +176,11 @@ pub fn encode(request: &dyn Request, unit: u8, adu: &mut Adu) -> Result<Encoded,
     })
 }
 
-/// Holds `frame`, unit id and PDU of a good frame that was heard, against the request that was sent to `unit` with
-/// `function`.
+/// Checks `frame`, unit id and PDU of a good frame, against the request that was sent to `unit` with `function`.
 ///
 /// # Errors
 ///
-/// [`AnswerError`]: an exception, which answers the request as well; everything else is no answer to it.
+/// [`AnswerError`]: an exception, which is an answer as well, or a frame that does not answer the request.
 #[inline(never)]
 pub fn judge(
     request: &dyn Request,
@@ -209,18 +209,18 @@ pub fn judge(
     request.check(frame)
 }
 
-/// The data of an answer, behind unit id and function code.
+/// The data of an answer, after unit id and function code.
 fn data(frame: &[u8]) -> &[u8] {
     frame.get(LEN_MIN..).unwrap_or(&[])
 }
 
-/// The error for a frame that is too long or too short.
+/// The error for a frame of a wrong length.
 #[inline(never)]
 fn length(frame: &[u8]) -> AnswerError {
     AnswerError::Length(frame.len().min(255) as u8)
 }
 
-/// The bytes behind a byte count that has to be right.
+/// The bytes after a byte count, which must be right.
 #[inline(never)]
 fn counted(frame: &[u8]) -> Result<&[u8], AnswerError> {
     match data(frame) {
@@ -229,7 +229,7 @@ fn counted(frame: &[u8]) -> Result<&[u8], AnswerError> {
     }
 }
 
-/// The bytes behind a byte count that has to be right, and this.
+/// The bytes after a byte count, which must be right and equal to `count`.
 #[inline(never)]
 fn counted_exactly(frame: &[u8], count: usize) -> Result<&[u8], AnswerError> {
     let bytes = counted(frame)?;
@@ -240,7 +240,7 @@ fn counted_exactly(frame: &[u8], count: usize) -> Result<&[u8], AnswerError> {
     }
 }
 
-/// Whether the answer is these two words and no more.
+/// Checks that the answer consists of these two words.
 #[inline(never)]
 fn echo(frame: &[u8], first: u16, second: u16) -> Result<(), AnswerError> {
     let Ok(heard) = <[u8; 4]>::try_from(data(frame)) else {
@@ -255,7 +255,7 @@ fn echo(frame: &[u8], first: u16, second: u16) -> Result<(), AnswerError> {
     }
 }
 
-/// Refuses a block of no items, of more than `max`, or one that runs past address 65535.
+/// Refuses a block of 0 items, of more than `max`, or one that runs past address 65535.
 #[inline(never)]
 fn block(first: u16, count: usize, max: u16) -> Result<(), RequestError> {
     if count == 0 || count > usize::from(max) {

@@ -1,16 +1,16 @@
-//! Functions of an application, and any other.
+//! Requests with any function code, such as those of an application.
 
 use super::{AnswerError, Draft, Request, RequestError, data};
 
 /// Bytes of data behind the function code (APP 4.1).
 const DATA_MAX: usize = 252;
 
-/// A request with any function code and any data; what its answer has to look like is the caller's business.
+/// A request with any function code and any data. The caller checks the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Raw<'a> {
     /// The function code, 1..=127.
     pub function: u8,
-    /// What follows it, 0..=252 bytes.
+    /// The data after the function code, 0..=252 bytes.
     pub data: &'a [u8],
 }
 
@@ -22,7 +22,7 @@ impl Raw<'_> {
 }
 
 impl Request for Raw<'_> {
-    /// May be sent to unit 0: whether the function makes sense as a broadcast the caller has to know.
+    /// Unit 0 is allowed: the caller knows whether the function makes sense as a broadcast.
     fn encode(&self, draft: &mut Draft<'_>) -> Result<(), RequestError> {
         if !(1..=127).contains(&self.function) {
             return Err(RequestError::Function {

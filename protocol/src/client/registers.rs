@@ -15,7 +15,7 @@ pub struct ReadRegisters {
 }
 
 impl ReadRegisters {
-    /// `count` holding registers from `first` on, 1..=125.
+    /// Reads `count` holding registers from `first` on, 1..=125.
     pub const fn holding(first: u16, count: u16) -> ReadRegisters {
         ReadRegisters {
             function: function::READ_HOLDING_REGISTERS,
@@ -24,7 +24,7 @@ impl ReadRegisters {
         }
     }
 
-    /// `count` input registers from `first` on, 1..=125.
+    /// Reads `count` input registers from `first` on, 1..=125.
     pub const fn input(first: u16, count: u16) -> ReadRegisters {
         ReadRegisters {
             function: function::READ_INPUT_REGISTERS,
@@ -37,7 +37,7 @@ impl ReadRegisters {
     ///
     /// # Errors
     ///
-    /// [`AnswerError`] if `frame` has not the length for it.
+    /// [`AnswerError`] if the length of `frame` does not fit the request.
     #[inline(never)]
     pub fn answer<'a>(&self, frame: &'a [u8]) -> Result<Registers<'a>, AnswerError> {
         registers(frame, self.count)
@@ -61,9 +61,9 @@ impl Request for ReadRegisters {
 /// Write Single Register (APP 6.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WriteRegister {
-    /// Which.
+    /// The address of the register.
     pub address: u16,
-    /// What it becomes.
+    /// The new value.
     pub value: u16,
 }
 
@@ -83,9 +83,9 @@ impl Request for WriteRegister {
 /// Write Multiple Registers (APP 6.12).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WriteRegisters<'a> {
-    /// Address of the first.
+    /// The address of the first register.
     pub first: u16,
-    /// What they become, 1..=123.
+    /// The new values, 1..=123.
     pub values: &'a [u16],
 }
 
@@ -103,14 +103,14 @@ impl Request for WriteRegisters<'_> {
     }
 }
 
-/// Mask Write Register (APP 6.16): `new = (current & and) | (or & !and)`.
+/// Mask Write Register (APP 6.16): the new value is `(current & and) | (or & !and)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MaskWrite {
-    /// Which.
+    /// The address of the register.
     pub address: u16,
-    /// Bits that stay.
+    /// A mask of the bits that keep their value.
     pub and: u16,
-    /// What the others become.
+    /// The value of the other bits.
     pub or: u16,
 }
 
@@ -137,25 +137,25 @@ impl Request for MaskWrite {
     }
 }
 
-/// Read/Write Multiple Registers (APP 6.17): the write happens before the read. Not to be sent to unit 0, since it reads.
+/// Read/Write Multiple Registers (APP 6.17): the write is done before the read. Unit 0 is refused, since it reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadWriteRegisters<'a> {
-    /// Address of the first to read.
+    /// The address of the first register to read.
     pub first: u16,
-    /// How many to read, 1..=125.
+    /// The number of registers to read, 1..=125.
     pub count: u16,
-    /// Address of the first to write.
+    /// The address of the first register to write.
     pub write_first: u16,
-    /// What those become, 1..=121.
+    /// The new values, 1..=121.
     pub values: &'a [u16],
 }
 
 impl ReadWriteRegisters<'_> {
-    /// The values read.
+    /// The values that were read.
     ///
     /// # Errors
     ///
-    /// [`AnswerError`] if `frame` has not the length for it.
+    /// [`AnswerError`] if the length of `frame` does not fit the request.
     pub fn answer<'a>(&self, frame: &'a [u8]) -> Result<Registers<'a>, AnswerError> {
         registers(frame, self.count)
     }
@@ -178,7 +178,7 @@ impl Request for ReadWriteRegisters<'_> {
     }
 }
 
-/// First address, count, byte count and values.
+/// Writes first address, count, byte count and values.
 fn block_of_values(draft: &mut Draft<'_>, first: u16, values: &[u16]) {
     draft.word(first);
     draft.word(values.len() as u16);

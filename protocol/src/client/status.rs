@@ -1,4 +1,4 @@
-//! What a server tells of itself: functions 07, 0B, 0C, 11.
+//! The status of a server: functions 07, 0B, 0C, 11.
 
 use super::{AnswerError, Draft, Request, RequestError, counted, data, length};
 use crate::function;
@@ -8,11 +8,11 @@ use crate::function;
 pub struct ReadExceptionStatus;
 
 impl ReadExceptionStatus {
-    /// Eight bits that the server's application defines.
+    /// The exception status: eight bits that the server's application defines.
     ///
     /// # Errors
     ///
-    /// [`AnswerError`] if `frame` has not the length for it.
+    /// [`AnswerError`] if the length of `frame` does not fit the request.
     pub fn answer(&self, frame: &[u8]) -> Result<u8, AnswerError> {
         match data(frame) {
             [status] => Ok(*status),
@@ -38,9 +38,9 @@ pub struct GetEventCounter;
 /// The answer to [`GetEventCounter`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EventCounter {
-    /// Whether the server is still busy with a command from before.
+    /// Whether the server is still busy with an earlier command.
     pub busy: bool,
-    /// Messages completed without exception.
+    /// The number of messages that were completed without an exception.
     pub events: u16,
 }
 
@@ -78,13 +78,13 @@ pub struct GetEventLog;
 /// The answer to [`GetEventLog`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EventLog<'a> {
-    /// Whether the server is still busy with a command from before.
+    /// Whether the server is still busy with an earlier command.
     pub busy: bool,
-    /// Messages completed without exception.
+    /// The number of messages that were completed without an exception.
     pub events: u16,
-    /// Messages the server has seen on the bus.
+    /// The number of messages that the server has seen on the bus.
     pub messages: u16,
-    /// One byte for each event, the newest first, at most 64.
+    /// The events, one byte each, the newest first, at most 64.
     pub log: &'a [u8],
 }
 
@@ -124,21 +124,22 @@ impl Request for GetEventLog {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReportServerId;
 
-/// The answer to [`ReportServerId`]: what is in it, and where, depends on the device. The standard has the id first, of a
-/// length of the device's own, then 0xFF for a server that runs and 0x00 for one that does not, then anything.
+/// The answer to [`ReportServerId`]. Its content depends on the device. In the standard the id comes first, of a
+/// length that the device defines; then 0xFF for a server that runs or 0x00 for one that does not; then any other
+/// data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServerId<'a> {
     bytes: &'a [u8],
 }
 
 impl<'a> ServerId<'a> {
-    /// All of it.
+    /// All bytes behind the byte count.
     pub const fn bytes(&self) -> &'a [u8] {
         self.bytes
     }
 
-    /// Id, whether it runs, and what follows, of a device whose id has this many bytes; `None` if the answer is too short
-    /// or the byte behind the id is neither 0x00 nor 0xFF.
+    /// The id, whether the server runs, and the other data, of a device whose id has `len` bytes; `None` if the
+    /// answer is too short or the byte after the id is neither 0x00 nor 0xFF.
     pub fn with_id_len(&self, len: usize) -> Option<(&'a [u8], bool, &'a [u8])> {
         let id = self.bytes.get(..len)?;
         let (indicator, rest) = self.bytes.get(len..)?.split_first()?;
@@ -151,11 +152,11 @@ impl<'a> ServerId<'a> {
 }
 
 impl ReportServerId {
-    /// What the server says.
+    /// The content of the answer.
     ///
     /// # Errors
     ///
-    /// [`AnswerError`] if the length is not what the byte count says, or it says nothing.
+    /// [`AnswerError`] if the length does not fit the byte count, or the answer is empty.
     pub fn answer<'a>(&self, frame: &'a [u8]) -> Result<ServerId<'a>, AnswerError> {
         match counted(frame)? {
             [] => Err(length(frame)),

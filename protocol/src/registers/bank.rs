@@ -12,11 +12,11 @@ pub struct Bank<const N: usize> {
 }
 
 impl<const N: usize> Bank<N> {
-    /// A bank of registers that are 0.
+    /// A bank with all registers 0.
     ///
     /// # Panics
     ///
-    /// If it runs past address 65535; in a `const` that is a build error.
+    /// If the bank runs past address 65535; in a `const` that is a build error.
     pub const fn new(base: u16) -> Bank<N> {
         Bank::from_cells(base, [0; N])
     }
@@ -25,7 +25,7 @@ impl<const N: usize> Bank<N> {
     ///
     /// # Panics
     ///
-    /// If it runs past address 65535; in a `const` that is a build error.
+    /// If the bank runs past address 65535; in a `const` that is a build error.
     pub const fn from_cells(base: u16, cells: [u16; N]) -> Bank<N> {
         assert!(
             N == 0 || N - 1 <= (u16::MAX - base) as usize,
@@ -46,7 +46,7 @@ impl<const N: usize> Bank<N> {
         &self.cells
     }
 
-    /// All registers in the order of their addresses, to be changed.
+    /// All registers in the order of their addresses, mutable.
     #[inline]
     pub const fn cells_mut(&mut self) -> &mut [u16; N] {
         &mut self.cells
@@ -73,13 +73,14 @@ impl<const N: usize> Bank<N> {
         }
     }
 
-    /// Whether the bank has the registers from `first` on, `count` of them.
+    /// Whether the bank has all `count` registers from `first` on.
     #[inline]
     pub fn contains(&self, first: u16, count: usize) -> bool {
         self.block(first, count).is_some()
     }
 
-    /// Answers [`DataModel::holding_registers`](crate::server::DataModel::holding_registers) or `input_registers`.
+    /// Reads registers, for [`DataModel::holding_registers`](crate::server::DataModel::holding_registers) and
+    /// `input_registers`.
     ///
     /// # Errors
     ///
@@ -92,7 +93,7 @@ impl<const N: usize> Bank<N> {
         Ok(())
     }
 
-    /// Answers [`DataModel::check_registers`](crate::server::DataModel::check_registers).
+    /// Checks registers, for [`DataModel::check_registers`](crate::server::DataModel::check_registers).
     ///
     /// # Errors
     ///
@@ -105,12 +106,12 @@ impl<const N: usize> Bank<N> {
         }
     }
 
-    /// Answers [`DataModel::write_registers`](crate::server::DataModel::write_registers). Does not fail after
-    /// [`check`](Bank::check) has passed.
+    /// Writes registers, for [`DataModel::write_registers`](crate::server::DataModel::write_registers). Does not fail
+    /// after [`check`](Bank::check) has passed.
     ///
     /// # Errors
     ///
-    /// [`Exception::IllegalDataAddress`] unless the bank has all of them; nothing is changed then.
+    /// [`Exception::IllegalDataAddress`] unless the bank has all of them; then nothing is changed.
     pub fn write(&mut self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
         let cells = self
             .offset(first)

@@ -14,7 +14,7 @@ pub struct CoilBank<const BYTES: usize> {
 }
 
 impl<const BYTES: usize> CoilBank<BYTES> {
-    /// A bank of `count` coils that are off.
+    /// A bank with all `count` coils off.
     ///
     /// # Panics
     ///
@@ -29,10 +29,10 @@ impl<const BYTES: usize> CoilBank<BYTES> {
     ///
     /// If `count` is 0 or does not fit in `BYTES`, or the bank runs past address 65535; in a `const` that is a build error.
     pub const fn from_bytes(base: u16, count: u16, bytes: [u8; BYTES]) -> CoilBank<BYTES> {
-        assert!(count != 0, "bank of no coils");
+        assert!(count != 0, "a coil bank must have at least one coil");
         assert!(
             (count - 1) as usize / 8 < BYTES,
-            "more coils than there are bits"
+            "a coil bank must have a bit for each coil"
         );
         assert!(count - 1 <= u16::MAX - base, "bank runs past address 65535");
         CoilBank { base, count, bytes }
@@ -44,19 +44,19 @@ impl<const BYTES: usize> CoilBank<BYTES> {
         self.base
     }
 
-    /// How many coils there are.
+    /// The number of coils.
     #[inline]
     pub const fn count(&self) -> u16 {
         self.count
     }
 
-    /// All coils, eight to a byte. Bits behind the last coil mean nothing.
+    /// All coils, eight to a byte. Bits behind the last coil have no meaning.
     #[inline]
     pub const fn bytes(&self) -> &[u8; BYTES] {
         &self.bytes
     }
 
-    /// All coils, eight to a byte, to be changed.
+    /// All coils, eight to a byte, mutable.
     #[inline]
     pub const fn bytes_mut(&mut self) -> &mut [u8; BYTES] {
         &mut self.bytes
@@ -77,13 +77,13 @@ impl<const BYTES: usize> CoilBank<BYTES> {
         self.write(address, Coils::new(&[on as u8], 1)).is_ok()
     }
 
-    /// Whether the bank has the coils from `first` on, `count` of them.
+    /// Whether the bank has all `count` coils from `first` on.
     #[inline]
     pub fn contains(&self, first: u16, count: u16) -> bool {
         self.block(first, count).is_some()
     }
 
-    /// Answers [`DataModel::coils`](crate::server::DataModel::coils) or `discrete_inputs`.
+    /// Reads coils, for [`DataModel::coils`](crate::server::DataModel::coils) and `discrete_inputs`.
     ///
     /// # Errors
     ///
@@ -101,7 +101,7 @@ impl<const BYTES: usize> CoilBank<BYTES> {
             None => 0,
         };
         for (byte, &cell) in out.iter_mut().zip(source).rev() {
-            // Shifted left by eight a byte stays what it is, but the factor for that does not fit.
+            // A byte shifted left by eight is the high byte as it is, but the factor for that does not fit.
             let own = if factor == 0 {
                 cell
             } else {
@@ -113,7 +113,7 @@ impl<const BYTES: usize> CoilBank<BYTES> {
         Ok(())
     }
 
-    /// Answers [`DataModel::check_coils`](crate::server::DataModel::check_coils).
+    /// Checks coils, for [`DataModel::check_coils`](crate::server::DataModel::check_coils).
     ///
     /// # Errors
     ///
@@ -126,12 +126,12 @@ impl<const BYTES: usize> CoilBank<BYTES> {
         }
     }
 
-    /// Answers [`DataModel::write_coils`](crate::server::DataModel::write_coils). Does not fail after
+    /// Writes coils, for [`DataModel::write_coils`](crate::server::DataModel::write_coils). Does not fail after
     /// [`check`](CoilBank::check) has passed.
     ///
     /// # Errors
     ///
-    /// [`Exception::IllegalDataAddress`] unless the bank has all of them; nothing is changed then.
+    /// [`Exception::IllegalDataAddress`] unless the bank has all of them; then nothing is changed.
     pub fn write(&mut self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
         let offset = self
             .block(first, values.len())
@@ -160,7 +160,7 @@ impl<const BYTES: usize> CoilBank<BYTES> {
             *cell = from_previous;
         }
 
-        // The neighbours of the block in its first and last byte get their bits back.
+        // The neighbours of the block in its first and last byte are restored.
         let before_block = factor - 1;
         if let Some(cell) = cells.first_mut() {
             *cell = (*cell & !before_block) | (first_before & before_block);
@@ -175,7 +175,7 @@ impl<const BYTES: usize> CoilBank<BYTES> {
         Ok(())
     }
 
-    /// Where the block begins in the bank, `None` unless the bank has all of it.
+    /// The place of the block in the bank, `None` unless the bank has all of it.
     #[inline]
     fn block(&self, first: u16, count: u16) -> Option<u16> {
         let offset = first.checked_sub(self.base)?;
@@ -223,10 +223,10 @@ impl<const BYTES: usize> Items for CoilBank<BYTES> {
     }
 }
 
-/// The factor that shifts left by so many bits; 0 for eight.
+/// The factor that shifts left by `times` bits; 0 for eight.
 ///
-/// AVR shifts by one bit at a time, but multiplies two bytes in two cycles. A loop, because the compiler takes a product with
-/// `1 << times` for a shift.
+/// AVR shifts by one bit at a time, but multiplies two bytes in two cycles. This is a loop because the compiler would
+/// turn a product with `1 << times` into a shift.
 #[inline(always)]
 fn doubled(times: u8) -> u8 {
     let mut factor: u8 = 1;
@@ -238,7 +238,7 @@ fn doubled(times: u8) -> u8 {
     factor
 }
 
-/// What a product moves out at the top.
+/// The high byte of the product.
 #[inline(always)]
 fn high_of_product(byte: u8, factor: u8) -> u8 {
     ((u16::from(byte) * u16::from(factor)) >> 8) as u8

@@ -1,46 +1,46 @@
-//! What the port registers REGS and COILS are made of: items by index, each at an address on the wire.
+//! The arrays of the port registers REGS and COILS: items by index, each at an address on the wire.
 
 use crate::data::{Coils, CoilsOut, Registers, RegistersOut};
 use crate::exception::Exception;
 
-/// An array of registers (`u16`) or coils (`bool`), one element for each item.
+/// An array of registers (`u16`) or coils (`bool`), with one element for each item.
 ///
 /// The server finds an item by its address, the master and the application by its index.
 pub trait Items {
-    /// A register or a coil.
+    /// The type of an item: `u16` for a register, `bool` for a coil.
     type Item: Copy + Default;
 
-    /// Whether the items are at addresses of their own, so that a run of indices may have gaps on the wire.
+    /// Whether each item has an address of its own, so that indices in sequence may have gaps in their addresses.
     const SPARSE: bool;
 
-    /// Whether there never are any: what is for them is left out of the image.
+    /// Whether the array is always empty, so that code for its items is left out of the image.
     const NONE: bool = false;
 
-    /// How many items there are, up to 65536.
+    /// The number of items, up to 65536.
     fn len(&self) -> usize;
 
-    /// Whether there are none.
+    /// Whether there are no items.
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The item at this index, `None` behind the last.
+    /// The item at this index, `None` behind the last item.
     fn item(&self, index: u16) -> Option<Self::Item>;
 
-    /// Sets the item at this index; `false` behind the last.
+    /// Sets the item at this index; returns `false` behind the last item.
     fn set_item(&mut self, index: u16, value: Self::Item) -> bool;
 
-    /// The address of the item at this index, `None` behind the last.
+    /// The address of the item at this index, `None` behind the last item.
     fn address_of(&self, index: u16) -> Option<u16>;
 
     /// The index of the item at this address, `None` if there is none.
     fn index_of(&self, address: u16) -> Option<u16>;
 
-    /// Moves the first item to the address `base`, and the others with it. `false`, and nothing is moved, if the last would be
-    /// behind 65535. Addresses of a table stay what they are.
+    /// Moves the first item to the address `base`, and the others with it. Returns `false` and moves nothing if the
+    /// last item would be past address 65535. Addresses of a table do not change.
     fn rebase(&mut self, base: u16) -> bool;
 
-    /// Of a scan list: what is at this place in it, `None` behind the last and in all other arrays.
+    /// The entry at this place of a scan list; `None` behind the last entry, and for all other arrays.
     fn entry(&self, place: u16) -> Option<ScanEntry> {
         let _ = place;
         None
@@ -50,29 +50,30 @@ pub trait Items {
     const SCANS: bool = false;
 }
 
-/// What a scan list says of one transaction.
+/// An entry of a scan list, which describes one transaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ScanEntry {
-    /// The slave, 0..=247.
+    /// The unit id of the slave, 0..=247.
     pub unit: u8,
-    /// The index of the item, its register offset.
+    /// The index of the item, which is its register offset.
     pub index: u16,
 }
 
-/// Items that one transaction can carry: at addresses that follow each other.
+/// Items that one transaction can carry: their addresses follow each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// Index of the first.
+    /// The index of the first item.
     pub index: u16,
-    /// Its address.
+    /// The address of the first item.
     pub first: u16,
-    /// How many.
+    /// The number of items.
     pub count: u16,
 }
 
-/// The longest run that begins at `index` and has at most `count` items; `None` if there is no such item, or none is asked for.
+/// The longest run that begins at `index` and has at most `count` items; `None` if there is no such item, or `count`
+/// is 0.
 ///
-/// Taking the longest again and again splits a block into the fewest runs, in order.
+/// Repeated calls split a block into the fewest runs, in order.
 pub fn run<I: Items>(items: &I, index: u16, count: u16) -> Option<Run> {
     let first = items.address_of(index).filter(|_| count != 0)?;
     let mut found = 1;
@@ -92,11 +93,11 @@ pub fn run<I: Items>(items: &I, index: u16, count: u16) -> Option<Run> {
     })
 }
 
-/// Whether there is an item at each of the `count` addresses from `first` on.
+/// Checks whether there is an item at each of the `count` addresses from `first` on.
 ///
 /// # Errors
 ///
-/// [`Exception::IllegalDataAddress`] unless there is.
+/// [`Exception::IllegalDataAddress`] if there is not.
 pub fn check<I: Items>(items: &I, first: u16, count: u16) -> Result<(), Exception> {
     let exists = |offset| {
         first
@@ -111,7 +112,8 @@ pub fn check<I: Items>(items: &I, first: u16, count: u16) -> Result<(), Exceptio
     }
 }
 
-/// Answers [`DataModel::holding_registers`](crate::server::DataModel::holding_registers) or `input_registers`.
+/// Reads registers, for [`DataModel::holding_registers`](crate::server::DataModel::holding_registers) and
+/// `input_registers`.
 ///
 /// # Errors
 ///
@@ -127,11 +129,11 @@ pub fn read_registers<I: Items<Item = u16>>(
     Ok(())
 }
 
-/// Answers [`DataModel::write_registers`](crate::server::DataModel::write_registers).
+/// Writes registers, for [`DataModel::write_registers`](crate::server::DataModel::write_registers).
 ///
 /// # Errors
 ///
-/// [`Exception::IllegalDataAddress`] unless all of them exist; nothing is changed then.
+/// [`Exception::IllegalDataAddress`] unless all of them exist; then nothing is changed.
 pub fn write_registers<I: Items<Item = u16>>(
     items: &mut I,
     first: u16,
@@ -142,7 +144,7 @@ pub fn write_registers<I: Items<Item = u16>>(
     Ok(())
 }
 
-/// Answers [`DataModel::coils`](crate::server::DataModel::coils) or `discrete_inputs`.
+/// Reads coils, for [`DataModel::coils`](crate::server::DataModel::coils) and `discrete_inputs`.
 ///
 /// # Errors
 ///
@@ -158,11 +160,11 @@ pub fn read_coils<I: Items<Item = bool>>(
     Ok(())
 }
 
-/// Answers [`DataModel::write_coils`](crate::server::DataModel::write_coils).
+/// Writes coils, for [`DataModel::write_coils`](crate::server::DataModel::write_coils).
 ///
 /// # Errors
 ///
-/// [`Exception::IllegalDataAddress`] unless all of them exist; nothing is changed then.
+/// [`Exception::IllegalDataAddress`] unless all of them exist; then nothing is changed.
 pub fn write_coils<I: Items<Item = bool>>(
     items: &mut I,
     first: u16,
@@ -173,7 +175,7 @@ pub fn write_coils<I: Items<Item = bool>>(
     Ok(())
 }
 
-/// The item behind `first` of a block that was checked.
+/// The item at `offset` in a block that was checked and begins at `first`.
 fn at<I: Items>(items: &I, first: u16, offset: u16) -> I::Item {
     let address = first.wrapping_add(offset);
     items
@@ -193,7 +195,7 @@ fn put<I: Items>(items: &mut I, first: u16, values: impl Iterator<Item = I::Item
     }
 }
 
-/// No coils: for a port that has registers only.
+/// An empty array of coils, for a port that has only registers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NoCoils;
 

@@ -1,15 +1,15 @@
-//! Banks: application memory behind Modbus addresses.
+//! Banks: the memory of an application at Modbus addresses.
 //!
-//! A data model holds banks and hands each call on to the one it is for, in one line. Addresses outside a bank are answered
-//! with [`Exception::IllegalDataAddress`]. The application reaches the same
-//! cells by `get` and `set`. [`rules!`](crate::rules!) declares which registers a master may write, and what.
+//! A data model holds banks and passes each call to one of them in one line. Addresses outside a bank are answered
+//! with [`Exception::IllegalDataAddress`]. The application reaches the cells by `get` and `set`.
+//! [`rules!`](crate::rules!) declares which registers a master may write, and with which values.
 //!
 //! | shape | dense | with a table of addresses |
 //! |---|---|---|
 //! | registers | [`Bank`] | [`SparseBank`], [`ScanList`] |
 //! | coils | [`CoilBank`] | [`SparseCoilBank`] |
 //!
-//! All of them are [`Items`], which is what a master's port works with.
+//! All of them implement [`Items`], which a master's port uses.
 
 mod bank;
 mod coil_bank;
@@ -31,12 +31,12 @@ pub use sparse::{Sparse, SparseBank, SparseCoilBank};
 
 use crate::exception::Exception;
 
-/// Whether `count` items from address `first` on are among those that exist, 0 to `size` - 1: for tables that are computed
-/// rather than kept.
+/// Checks whether the `count` items from address `first` on are below `size`: for tables whose values are computed
+/// rather than stored.
 ///
 /// # Errors
 ///
-/// [`Exception::IllegalDataAddress`] unless all of them are.
+/// [`Exception::IllegalDataAddress`] if one of them is not.
 #[inline]
 pub const fn within(first: u16, count: u16, size: u16) -> Result<(), Exception> {
     match first.checked_add(count) {

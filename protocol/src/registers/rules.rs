@@ -1,39 +1,39 @@
-//! Rules on what a master may read and write: VALID_REG, DISABLE_REG and VALID_DATA of a port.
+//! Rules for the registers that a master may read and write: VALID_REG, DISABLE_REG and VALID_DATA of a port.
 //!
-//! [`rules!`](crate::rules!) turns the three lists into code. Nothing of them is kept in RAM, and the cost of a check is one
-//! comparison per rule, whatever the length of the block, and one per register that a rule is for.
+//! [`rules!`](crate::rules!) turns the three lists into code. They take no RAM. A check takes one comparison per
+//! rule, whatever the length of the block, and one per register to which a rule applies.
 
 use core::ops::RangeInclusive;
 
 use crate::data::Registers;
 use crate::exception::Exception;
 
-/// What a set of rules declared with [`rules!`](crate::rules!) answers.
+/// A set of rules that [`rules!`](crate::rules!) has declared.
 ///
-/// The rules are for the holding registers of a data model; a model that holds a [`Bank`](super::Bank) asks the bank first,
-/// so that an address that does not exist is found before anything else.
+/// The rules are for the holding registers of a data model. A model that holds a [`Bank`](super::Bank) asks the bank
+/// first, so that an address that does not exist is refused before a rule is checked.
 pub trait Rules {
-    /// How many ranges [`RuleList::ValidReg`] has; 0 if there is no such list and every register is valid.
+    /// The number of ranges in [`RuleList::ValidReg`]; 0 if there is no such list and every register is valid.
     const VALID_REG: u8;
-    /// How many rules [`RuleList::ValidData`] has.
+    /// The number of rules in [`RuleList::ValidData`].
     const VALID_DATA: u8;
-    /// How many ranges [`RuleList::DisableReg`] has, each with its flag.
+    /// The number of ranges in [`RuleList::DisableReg`], each with its flag.
     const DISABLE_REG: u8;
 
-    /// Whether VALID_REG has every register from `first` to `last`.
+    /// Whether VALID_REG has all registers of the block.
     #[doc(hidden)]
     fn exists(block: &Block<'_>) -> bool;
     /// Whether a register of the block is in a DISABLE range whose flag is set.
     #[doc(hidden)]
     fn disabled(block: &Block<'_>, flags: u32) -> bool;
-    /// Whether VALID_DATA has nothing against these values.
+    /// Whether VALID_DATA allows all values of the block.
     #[doc(hidden)]
     fn allowed(block: &Block<'_>) -> bool;
-    /// The registers of one rule, from 0.
+    /// The registers of the rule with this index, from 0.
     #[doc(hidden)]
     fn registers(list: RuleList, index: u8) -> Option<Span>;
 
-    /// Whether the `count` registers from `first` on may be read.
+    /// Checks whether the `count` registers from `first` on may be read.
     ///
     /// # Errors
     ///
@@ -50,20 +50,21 @@ pub trait Rules {
         }
     }
 
-    /// Whether these values may be written to the registers from `first` on, for
-    /// [`DataModel::check_registers`](crate::server::DataModel::check_registers). Bit i of `flags` is the flag of DISABLE range
-    /// i: 1 disables. The whole block is judged by one list before the next is looked at.
+    /// Checks whether these values may be written to the registers from `first` on, for
+    /// [`DataModel::check_registers`](crate::server::DataModel::check_registers). Bit i of `flags` is the flag of
+    /// DISABLE range i; 1 disables it. The whole block is checked against one list before the next list is used.
     ///
     /// # Errors
     ///
-    /// [`Exception::IllegalDataAddress`] for a register outside VALID_REG, else [`Exception::NegativeAcknowledge`] for one that
-    /// is disabled, else [`Exception::IllegalDataValue`] for a value that VALID_DATA does not allow; also for more than 255 values.
+    /// [`Exception::IllegalDataAddress`] for a register outside VALID_REG, else [`Exception::NegativeAcknowledge`]
+    /// for a register that is disabled, else [`Exception::IllegalDataValue`] for a value that VALID_DATA does not
+    /// allow, or for more than 255 values.
     fn check_write(first: u16, values: Registers<'_>, flags: u32) -> Result<(), Exception> {
         let count = values.len();
         if count == 0 {
             return Ok(());
         }
-        // No request has more.
+        // No request has more than 255 values.
         if count > 255 {
             return Err(Exception::IllegalDataValue);
         }
@@ -82,7 +83,7 @@ pub trait Rules {
     }
 }
 
-/// No rules: every register exists and takes every value.
+/// A set without rules: every register exists and accepts every value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NoRules;
 
@@ -112,28 +113,28 @@ impl Rules for NoRules {
     }
 }
 
-/// The three lists of a set of rules.
+/// One of the three lists in a set of rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RuleList {
-    /// Registers that exist; exception 02 for others.
+    /// The registers that exist; other registers are refused with exception 02.
     ValidReg,
-    /// Values that registers accept; exception 03 for others.
+    /// The values that registers accept; other values are refused with exception 03.
     ValidData,
-    /// Registers that are refused with exception 07 while their flag is 1.
+    /// The registers that are refused with exception 07 while their flag is 1.
     DisableReg,
 }
 
-/// Register addresses, or values, from `first` to `last`, both included.
+/// A range of register addresses, or of values, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
-    /// The lowest.
+    /// The lowest register or value.
     pub first: u16,
-    /// The highest.
+    /// The highest register or value.
     pub last: u16,
 }
 
 impl Span {
-    /// What the range has; reversed if the range is.
+    /// The ends of this range, in its order.
     pub const fn of(range: &RangeInclusive<u16>) -> Span {
         Span {
             first: *range.start(),
@@ -141,14 +142,14 @@ impl Span {
         }
     }
 
-    /// Whether it has this one.
+    /// Whether the span includes this register or value.
     #[inline(always)]
     pub const fn has(self, one: u16) -> bool {
         self.first <= one && one <= self.last
     }
 }
 
-/// The registers of one request, at least one; values besides, if it is a write.
+/// The registers of one request, at least one, with their values if it is a write.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug)]
 pub struct Block<'a> {
@@ -168,13 +169,13 @@ impl<'a> Block<'a> {
         })
     }
 
-    /// Whether one of them is in `span`.
+    /// Whether the span includes a register of the block.
     #[inline(always)]
     pub fn meets(&self, span: Span) -> bool {
         self.first <= span.last && self.last >= span.first
     }
 
-    /// How many of them are in `span`.
+    /// The number of registers of the block in the span.
     #[inline(always)]
     pub fn common(&self, span: Span) -> u16 {
         if !self.meets(span) {
@@ -186,7 +187,7 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Whether `covered` is all of them.
+    /// Whether `covered` is the number of all registers of the block.
     #[inline(always)]
     pub fn is_covered_by(&self, covered: u16) -> bool {
         covered == self.last - self.first + 1
@@ -216,8 +217,8 @@ impl<'a> Block<'a> {
         }
     }
 
-    // One copy each, shared by all rules: what is inlined above is one comparison of both ends, and most rules of a set are not
-    // for the block in hand. A rule for a single register, the usual one, needs no loop.
+    // All rules share one copy of these functions. The inlined functions above compare both ends, since most rules of
+    // a set do not apply to the block. A rule for a single register, the usual one, needs no loop.
 
     #[inline(never)]
     fn overlap(&self, span: Span) -> u16 {
@@ -240,7 +241,7 @@ impl<'a> Block<'a> {
         self.all(span, allowed)
     }
 
-    /// Of a write, which has no more registers than fit an index of 8 bits.
+    /// For a write, whose registers fit an index of 8 bits.
     #[inline(always)]
     fn all(&self, span: Span, allowed: impl Fn(u16) -> bool) -> bool {
         let mut index = span.first.saturating_sub(self.first) as u8;
@@ -257,7 +258,7 @@ impl<'a> Block<'a> {
     }
 }
 
-/// Declares a set of rules: a type without content that implements [`Rules`](crate::registers::Rules).
+/// Declares a set of rules: an empty type that implements [`Rules`](crate::registers::Rules).
 ///
 /// The lists are those of the port registers `MB_xxx_VALID_REG`, `VALID_DATA` and `DISABLE_REG`, each of them optional, in this
 /// order. Addresses and values are `u16` constants; ranges have both ends included. A rule of VALID_DATA is `range(low..=high)` or `list(value, ...)`.
@@ -269,7 +270,7 @@ impl<'a> Block<'a> {
 /// use multidrop_protocol::rules;
 ///
 /// rules! {
-///     /// What the master may do with the registers of RS4.
+///     /// The rules for the registers of RS4.
 ///     pub struct Rs4Rules: "RS4";
 ///     VALID_REG { 10..=90, 120..=190, 1000..=1000 }
 ///     VALID_DATA {
@@ -411,9 +412,9 @@ macro_rules! rules {
         $block.all_within($span, ALLOWED)
     }};
     (@holds list($block:ident, $span:ident, $($allowed:expr),*)) => {
-        // Comparisons rather than a slice: that would be in RAM on AVR.
+        // A slice would be in RAM on AVR.
         $block.all_pass($span, |value| false $(|| value == $allowed)*)
     };
-    // Said already, by `@values`.
+    // `@values` has reported the error.
     (@holds $kind:ident($($rest:tt)*)) => { true };
 }

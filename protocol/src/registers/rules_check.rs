@@ -1,28 +1,28 @@
-//! What [`rules!`](crate::rules!) checks when the program is built. For that macro only.
+//! Checks of [`rules!`](crate::rules!) at build time, for that macro only.
 
 use super::rules::Span;
 use crate::message::Message;
 
-/// What a rule allows.
+/// The values that a rule allows.
 pub enum Values {
-    /// The list is not about values.
+    /// All values, as the list is not for values.
     Any,
-    /// From low to high.
+    /// The values from low to high.
     Range(Span),
-    /// These.
+    /// The values of a list.
     List(&'static [u16]),
 }
 
-/// A list's name and its rules.
+/// The name of a list and its rules.
 pub type List = (&'static str, &'static [(Span, Values)]);
 
-/// DISABLE ranges there may be: their flags are the bits of a `u32`.
+/// The maximum number of DISABLE ranges: their flags are the bits of a `u32`.
 pub const DISABLE_MAX: usize = 32;
 
-/// Rules there may be in a list: more do not fit a `u8`.
+/// The maximum number of rules in a list: their number must fit a `u8`.
 pub const RULES_MAX: usize = 255;
 
-/// Stops the build if a rule is wrong, or two of a list are for the same register.
+/// Stops the build if a rule is wrong, or if two rules of a list are for one register.
 pub const fn check(port: &str, lists: &[List]) {
     let mut list = 0;
     while list < lists.len() {
@@ -40,7 +40,7 @@ const fn check_list(port: &str, name: &str, rules: &[(Span, Values)]) {
         .text(name);
     if rules.is_empty() {
         begin
-            .text(" is empty: leave it out, or name a range")
+            .text(" is empty, must have a range or be left out")
             .fail();
     }
     let max = match name.as_bytes() {
@@ -60,7 +60,7 @@ const fn check_list(port: &str, name: &str, rules: &[(Span, Values)]) {
         let (span, values) = &rules[i];
         let this = span_text(begin.text(" "), *span);
         if span.first > span.last {
-            this.text(": the first register must not be above the last")
+            this.text(": the first register must not be above the last one")
                 .fail();
         }
         check_values(this, values);

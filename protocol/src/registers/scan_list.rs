@@ -1,13 +1,13 @@
-//! The array of four rows: addresses, data, slave ids, register offsets.
+//! The scan list, an array of four rows: addresses, data, slave ids, register offsets.
 
 use super::items::{Items, ScanEntry};
 use crate::UNIT_MAX;
 use crate::message::Message;
 
-/// Registers of many slaves, which a master walks one by one.
+/// Registers of many slaves, which a master reads or writes one by one.
 ///
-/// Place n of the list is a transaction with slave `units[n]` and the item of index `offsets[n]`: the register at
-/// `addresses[offsets[n]]`, with its value in `cells[offsets[n]]`. The same address may be there more than once, for different
+/// Entry n of the list is a transaction with slave `units[n]` and the item of index `offsets[n]`: the register at
+/// `addresses[offsets[n]]`, with its value in `cells[offsets[n]]`. An address may occur more than once, for different
 /// slaves.
 ///
 /// ```
@@ -26,7 +26,7 @@ pub struct ScanList<const N: usize> {
 }
 
 impl<const N: usize> ScanList<N> {
-    /// Each place of the list for the item of its own number; values are 0.
+    /// A scan list whose entry n is for the item of index n; values are 0.
     ///
     /// # Panics
     ///
@@ -41,11 +41,11 @@ impl<const N: usize> ScanList<N> {
         ScanList::from_rows(addresses, [0; N], units, offsets)
     }
 
-    /// All four rows.
+    /// A scan list with all four rows.
     ///
     /// # Panics
     ///
-    /// If a slave id is not 0..=247 or an offset is not under `N`; in a `const` that is a build error.
+    /// If a slave id is not 0..=247, or an offset is not below `N`; in a `const` that is a build error.
     pub const fn from_rows(
         addresses: [u16; N],
         cells: [u16; N],
@@ -54,7 +54,7 @@ impl<const N: usize> ScanList<N> {
     ) -> ScanList<N> {
         assert!(
             N >= 1 && N as u32 <= 65_536,
-            "scan list of no items, or of more than 65536"
+            "scan list: the number of items must be 1..=65536"
         );
         let mut i = 0;
         while i < N {
@@ -84,13 +84,13 @@ impl<const N: usize> ScanList<N> {
         }
     }
 
-    /// The second row: all values.
+    /// The values of all items.
     #[inline]
     pub const fn cells(&self) -> &[u16; N] {
         &self.cells
     }
 
-    /// The second row, to be changed.
+    /// The values of all items, mutable.
     #[inline]
     pub const fn cells_mut(&mut self) -> &mut [u16; N] {
         &mut self.cells
@@ -124,7 +124,7 @@ impl<const N: usize> Items for ScanList<N> {
         self.addresses.get(usize::from(index)).copied()
     }
 
-    /// The first of them, if the address is there for more than one slave.
+    /// Returns the first index if several slaves have the address.
     fn index_of(&self, address: u16) -> Option<u16> {
         let index = self.addresses.iter().position(|own| *own == address)?;
         Some(index as u16)

@@ -1,17 +1,18 @@
-//! Items at addresses of their own: the array of two rows, addresses and data.
+//! Items at arbitrary addresses: the array of two rows, addresses and data.
 
 use super::items::{self, Items};
 use crate::data::{Coils, CoilsOut, Registers, RegistersOut};
 use crate::exception::Exception;
 use crate::message::Message;
 
-/// Registers at the addresses of a table; there are no others.
+/// Registers at the addresses of a table, which are the only addresses of the bank.
 pub type SparseBank<const N: usize> = Sparse<u16, N>;
 
-/// Coils at the addresses of a table; there are no others. One element for each coil, packed only on the wire.
+/// Coils at the addresses of a table, which are the only addresses of the bank. Each coil has an element of its own;
+/// they are packed only on the wire.
 pub type SparseCoilBank<const N: usize> = Sparse<bool, N>;
 
-/// Registers or coils at the addresses of a table; there are no others.
+/// Registers or coils at the addresses of a table, which are the only addresses of the bank.
 ///
 /// ```
 /// use multidrop_protocol::registers::SparseBank;
@@ -33,16 +34,17 @@ pub struct Sparse<T, const N: usize> {
 }
 
 impl<const N: usize> SparseBank<N> {
-    /// Registers that are 0, at these addresses in ascending order.
+    /// A bank with all registers 0, at these addresses in ascending order.
     ///
     /// # Panics
     ///
-    /// If an address is not above the one before; in a `const` that is a build error.
+    /// If an address is not above the one before it; in a `const` that is a build error.
     pub const fn new(addresses: [u16; N]) -> SparseBank<N> {
         Sparse::from_cells(addresses, [0; N])
     }
 
-    /// Answers [`DataModel::holding_registers`](crate::server::DataModel::holding_registers) or `input_registers`.
+    /// Reads registers, for [`DataModel::holding_registers`](crate::server::DataModel::holding_registers) and
+    /// `input_registers`.
     ///
     /// # Errors
     ///
@@ -51,7 +53,7 @@ impl<const N: usize> SparseBank<N> {
         items::read_registers(self, first, out)
     }
 
-    /// Answers [`DataModel::check_registers`](crate::server::DataModel::check_registers).
+    /// Checks registers, for [`DataModel::check_registers`](crate::server::DataModel::check_registers).
     ///
     /// # Errors
     ///
@@ -60,19 +62,19 @@ impl<const N: usize> SparseBank<N> {
         items::check(self, first, values.len() as u16)
     }
 
-    /// Answers [`DataModel::write_registers`](crate::server::DataModel::write_registers). Does not fail after
-    /// [`check`](Self::check) has passed.
+    /// Writes registers, for [`DataModel::write_registers`](crate::server::DataModel::write_registers). Does not fail
+    /// after [`check`](Self::check) has passed.
     ///
     /// # Errors
     ///
-    /// [`Exception::IllegalDataAddress`] unless the bank has all of them; nothing is changed then.
+    /// [`Exception::IllegalDataAddress`] unless the bank has all of them; then nothing is changed.
     pub fn write(&mut self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
         items::write_registers(self, first, values)
     }
 }
 
 impl<const N: usize> SparseCoilBank<N> {
-    /// Coils that are off, at these addresses in ascending order.
+    /// A bank with all coils off, at these addresses in ascending order.
     ///
     /// # Panics
     ///
@@ -81,7 +83,7 @@ impl<const N: usize> SparseCoilBank<N> {
         Sparse::from_cells(addresses, [false; N])
     }
 
-    /// Answers [`DataModel::coils`](crate::server::DataModel::coils) or `discrete_inputs`.
+    /// Reads coils, for [`DataModel::coils`](crate::server::DataModel::coils) and `discrete_inputs`.
     ///
     /// # Errors
     ///
@@ -90,7 +92,7 @@ impl<const N: usize> SparseCoilBank<N> {
         items::read_coils(self, first, out)
     }
 
-    /// Answers [`DataModel::check_coils`](crate::server::DataModel::check_coils).
+    /// Checks coils, for [`DataModel::check_coils`](crate::server::DataModel::check_coils).
     ///
     /// # Errors
     ///
@@ -99,25 +101,28 @@ impl<const N: usize> SparseCoilBank<N> {
         items::check(self, first, values.len())
     }
 
-    /// Answers [`DataModel::write_coils`](crate::server::DataModel::write_coils). Does not fail after
+    /// Writes coils, for [`DataModel::write_coils`](crate::server::DataModel::write_coils). Does not fail after
     /// [`check`](Self::check) has passed.
     ///
     /// # Errors
     ///
-    /// [`Exception::IllegalDataAddress`] unless the bank has all of them; nothing is changed then.
+    /// [`Exception::IllegalDataAddress`] unless the bank has all of them; then nothing is changed.
     pub fn write(&mut self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
         items::write_coils(self, first, values)
     }
 }
 
 impl<T: Copy + Default, const N: usize> Sparse<T, N> {
-    /// Items of these values at these addresses in ascending order.
+    /// A bank with these values at these addresses in ascending order.
     ///
     /// # Panics
     ///
     /// If an address is not above the one before; in a `const` that is a build error.
     pub const fn from_cells(addresses: [u16; N], cells: [T; N]) -> Sparse<T, N> {
-        assert!(N as u32 <= 65_536, "sparse bank of more than 65536 items");
+        assert!(
+            N as u32 <= 65_536,
+            "sparse bank: the number of items must be at most 65536"
+        );
         let mut i = 1;
         while i < N {
             if addresses[i] <= addresses[i - 1] {
@@ -135,19 +140,19 @@ impl<T: Copy + Default, const N: usize> Sparse<T, N> {
         Sparse { addresses, cells }
     }
 
-    /// The first row: all addresses, in order.
+    /// The addresses of all items, in ascending order.
     #[inline]
     pub const fn addresses(&self) -> &[u16; N] {
         &self.addresses
     }
 
-    /// The second row: all values, in the order of the addresses.
+    /// The values of all items, in the order of the addresses.
     #[inline]
     pub const fn cells(&self) -> &[T; N] {
         &self.cells
     }
 
-    /// The second row, to be changed.
+    /// The values of all items, mutable.
     #[inline]
     pub const fn cells_mut(&mut self) -> &mut [T; N] {
         &mut self.cells

@@ -1,4 +1,4 @@
-//! Counters, listen-only mode and event log, and FC 08, 0B and 0C over them (APP 6.8, 6.9, 6.10; SER appendix A).
+//! Counters, listen-only mode and event log, with FC 08, 0B and 0C (APP 6.8, 6.9, 6.10; SER appendix A).
 
 use core::cell::Cell;
 
@@ -25,10 +25,10 @@ mod sub {
     pub const CLEAR_OVERRUN: u16 = 0x14;
 }
 
-/// What Restart Communications Option carries to clear the event log as well (APP 6.8.1).
+/// Data of Restart Communications Option that clears the event log as well (APP 6.8.1).
 const CLEAR_LOG: u16 = 0xFF00;
 
-/// Unit id, function code, sub-function, data: what all sub-functions but Return Query Data need.
+/// Unit id, function code, sub-function, data: the length of all sub-functions except Return Query Data.
 const DIAGNOSTICS_LEN: u8 = 6;
 
 /// The counters of FC 08, in the order of their sub-functions 0B to 12 (SER appendix A).
@@ -45,13 +45,13 @@ enum Counter {
     Overrun,
 }
 
-/// The counters of a server, its event log of `LOG` events (0 to 64), and whether it listens only.
+/// The counters of a server, its event log of `LOG` events (0 to 64), and its listen-only mode.
 ///
-/// Counters are 16 bits and go round. In RAM it takes `LOG` bytes and 24 more.
+/// Counters have 16 bits and wrap around. In RAM they take 24 bytes, and the log `LOG` bytes.
 #[derive(Debug)]
 pub struct Counted<const LOG: usize> {
     counters: [Cell<u16>; 8],
-    /// Of Get Comm Event Counter.
+    /// The counter of Get Comm Event Counter.
     completions: Cell<u16>,
     diagnostic_register: Cell<u16>,
     log: EventLog<LOG>,
@@ -60,7 +60,7 @@ pub struct Counted<const LOG: usize> {
 }
 
 impl<const LOG: usize> Counted<LOG> {
-    /// All 0, the log empty.
+    /// Counters that are 0, with an empty log.
     ///
     /// # Panics
     ///
@@ -77,13 +77,13 @@ impl<const LOG: usize> Counted<LOG> {
         }
     }
 
-    /// Sets what Return Diagnostic Register tells: 16 bits of the application (APP 6.8.1, sub-function 02). Clear Counters sets
-    /// it to 0.
+    /// Sets the value of Return Diagnostic Register: 16 bits that the application defines (APP 6.8.1, sub-function
+    /// 02). Clear Counters sets it to 0.
     pub fn set_diagnostic_register(&self, value: u16) {
         self.diagnostic_register.set(value);
     }
 
-    /// Whether a client has forced the server to listen only.
+    /// Whether a client has put the server in listen-only mode.
     pub fn listens_only(&self) -> bool {
         self.listens_only.get()
     }
@@ -102,7 +102,7 @@ impl<const LOG: usize> Counted<LOG> {
         self.completions.set(0);
     }
 
-    /// An event with the bit that tells of listen-only mode.
+    /// Logs an event, with the bit of listen-only mode.
     fn log(&self, event: u8) {
         let listens_only = if self.listens_only.get() {
             event_log::LISTENS_ONLY
@@ -115,7 +115,7 @@ impl<const LOG: usize> Counted<LOG> {
     fn diagnose(&self, frame: &mut Adu, len: u8) -> Result<Plan, Exception> {
         let broadcast = frame[0] == BROADCAST;
         if len < REQUEST_HEAD {
-            // Not even a sub-function.
+            // The request has no sub-function.
             return if broadcast {
                 Ok(Plan::Silent { refused: None })
             } else {
@@ -153,7 +153,7 @@ impl<const LOG: usize> Counted<LOG> {
                     .counters
                     .get(usize::from(place))
                     .map_or(0, |cell| cell.get());
-                // The request itself is counted when it is dealt with.
+                // The request is counted after it was handled.
                 let own =
                     place == Counter::BusMessage as u8 || place == Counter::ServerMessage as u8;
                 counted.wrapping_add(own.into())
@@ -169,7 +169,7 @@ impl<const LOG: usize> Counted<LOG> {
         Ok(Plan::Answer { len })
     }
 
-    /// The status of FC 0B and 0C, and the event counter.
+    /// Writes the status of FC 0B and 0C, and the event counter.
     fn put_status(&self, frame: &mut Adu, at: usize, busy: bool) {
         let status = if busy { 0xFF } else { 0 };
         let [high, low] = self.completions.get().to_be_bytes();
@@ -197,7 +197,7 @@ impl<const LOG: usize> Counted<LOG> {
         Plan::Answer { len: 9 + count }
     }
 
-    /// Executes what [`Plan::Diagnose`] is for, once the request is dealt with.
+    /// Executes the sub-function of [`Plan::Diagnose`] after the request was handled.
     fn execute(&self, frame: &Adu) {
         let (sub, data) = two_words(frame);
         match sub {
@@ -293,7 +293,7 @@ impl<const LOG: usize> Diagnostics for Counted<LOG> {
         }
         let diagnose = matches!(plan, Plan::Diagnose { .. });
         if diagnose && two_words(frame).0 == sub::FORCE_LISTEN_ONLY {
-            // Listens only when it is done with the request, which is what the send event tells of (APP 6.10).
+            // Listen-only mode begins after the request, as the send event shows (APP 6.10).
             self.listens_only.set(true);
             self.log.push(event_log::ENTERED_LISTEN_ONLY);
         }

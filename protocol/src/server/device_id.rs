@@ -1,4 +1,4 @@
-//! Read Device Identification (APP 6.21), the one MEI type that a serial line has.
+//! Read Device Identification (APP 6.21), the only MEI type on a serial line.
 
 use super::{DataModel, Plan};
 use crate::Adu;
@@ -6,7 +6,7 @@ use crate::data::BytesOut;
 use crate::exception::Exception;
 use crate::function::{PDU_MAX, READ_DEVICE_ID};
 
-/// How much a device tells of itself (APP 6.21). Each object can be asked for by itself as well.
+/// The objects that a device has (APP 6.21). Each can also be read individually.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Conformity {
@@ -18,13 +18,13 @@ pub enum Conformity {
     Extended = 0x83,
 }
 
-/// Unit id, function code, MEI type, code, object id.
+/// Bytes of unit id, function code, MEI type, code, object id.
 const REQUEST_LEN: u8 = 5;
-/// Unit id, function code, MEI type, code, conformity, more follows, next object id, number of objects.
+/// Bytes of unit id, function code, MEI type, code, conformity, more follows, next object id, number of objects.
 const ANSWER_HEAD: usize = 8;
-/// The code that asks for one object.
+/// The code that reads one object.
 const INDIVIDUAL: u8 = 4;
-/// In place of 00: there is more.
+/// The value of *more follows* if there are more objects.
 const MORE_FOLLOWS: u8 = 0xFF;
 
 pub(super) fn prepare<M: DataModel>(
@@ -70,7 +70,7 @@ pub(super) fn prepare<M: DataModel>(
                         told += 1;
                     }
                     Object::IsNot => {}
-                    // One that fits no answer at all would never be passed.
+                    // An object that fits no answer would never be skipped.
                     Object::HasNoRoom if told == 0 => return Err(Exception::ServerDeviceFailure),
                     Object::HasNoRoom => {
                         rest = Some(id);
@@ -97,7 +97,7 @@ pub(super) fn prepare<M: DataModel>(
     })
 }
 
-/// Whether a stream of this level (1 basic, 2 regular, 3 extended) tells of this object.
+/// Whether a stream of this level (1 basic, 2 regular, 3 extended) includes this object.
 fn in_level(id: u8, level: u8) -> bool {
     match id {
         0..=2 => true,
@@ -119,7 +119,7 @@ enum Object {
 
 /// Writes id, length and value to the start of `room`.
 fn object<M: DataModel>(model: &mut M, id: u8, room: &mut [u8]) -> Object {
-    // Whether it exists must not depend on whether there is room for its head.
+    // Whether the object exists must not depend on the room for its head.
     let (head, value) = match room.split_at_mut_checked(2) {
         Some(parts) => parts,
         None => (&mut [][..], &mut [][..]),

@@ -1,50 +1,51 @@
-//! What a server remembers of its line, and the functions that tell of it (APP 6.8 to 6.10, SER appendix A).
+//! The counters of a server, and the functions that read them (APP 6.8 to 6.10, SER appendix A).
 
 use super::Plan;
 use crate::Adu;
 use crate::exception::Exception;
 use crate::rtu::ReceiveErrors;
 
-/// Whether a server counts what happens on its line: [`Uncounted`] or [`Counted`](super::Counted).
+/// Whether a server counts the events of its line: [`Uncounted`] or [`Counted`](super::Counted).
 ///
-/// A server that counts has Diagnostics (FC 08), Get Comm Event Counter (0B) and Get Comm Event Log (0C), and can be forced to
-/// listen only. One that does not answers them with exception 01, and takes no flash or RAM for them.
+/// A server with counters has Diagnostics (FC 08), Get Comm Event Counter (0B) and Get Comm Event Log (0C), and can
+/// be put in listen-only mode. A server without counters answers them with exception 01, and they take no flash or
+/// RAM.
 pub trait Diagnostics {
-    /// Whether it does.
+    /// Whether the server has counters.
     const COUNTS: bool;
 
-    /// Whether the request in `frame[..len]` is not to be looked at, since the server was told to listen only. The request
-    /// that ends it is.
+    /// Whether the request in `frame[..len]` must be ignored, since the server is in listen-only mode. The request
+    /// that ends the mode is not ignored.
     fn is_deaf_to(&self, frame: &Adu, len: u8) -> bool;
 
-    /// The answer to FC 08, 0B or 0C; `busy` if the application is.
+    /// Makes the answer to FC 08, 0B or 0C; `busy` if the application is.
     ///
     /// # Errors
     ///
-    /// The exception to answer with.
+    /// The exception of the answer.
     fn prepare(&self, frame: &mut Adu, len: u8, busy: bool) -> Result<Plan, Exception>;
 
-    /// A request to this server is dealt with: `answer_len` is 0 if it is not answered, `refused` the exception it came to,
-    /// whether or not that goes out.
+    /// Counts a request to this server that was handled: `answer_len` is 0 if it has no answer, `refused` is its
+    /// exception, even if that is not sent.
     fn completed(&self, frame: &Adu, plan: Plan, answer_len: u8, refused: Option<Exception>);
 
-    /// The answer to a request that was [dealt with](Diagnostics::completed) did not go out.
+    /// Counts an answer that was not sent, to a request that was [handled](Diagnostics::completed).
     fn cut_off(&self);
 
-    /// A good frame for somebody else.
+    /// Counts a good frame for another unit.
     fn overheard(&self);
 
-    /// A damaged frame, whoever it was for.
+    /// Counts a damaged frame for any unit.
     fn damaged(&self, errors: ReceiveErrors);
 
-    /// The character that ends an ASCII frame behind CR.
+    /// The character behind CR that ends an ASCII frame.
     fn delimiter(&self) -> u8;
 }
 
 /// Line feed, the end of an ASCII frame until FC 08 changes it (SER 2.5.2.1).
 pub(super) const LINE_FEED: u8 = 0x0A;
 
-/// Nothing is counted.
+/// A server without counters.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Uncounted;
 

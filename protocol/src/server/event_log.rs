@@ -5,20 +5,20 @@ use core::cell::Cell;
 use crate::exception::Exception;
 use crate::rtu::ReceiveErrors;
 
-/// A receive event.
+/// The bit of a receive event.
 pub(super) const RECEIVE: u8 = 0x80;
-/// In a receive event: a broadcast.
+/// The bit of a broadcast in a receive event.
 pub(super) const BROADCAST_RECEIVED: u8 = 0x40;
-/// A send event.
+/// The bit of a send event.
 pub(super) const SEND: u8 = 0x40;
-/// In both: listening only.
+/// The bit of listen-only mode in a receive or send event.
 pub(super) const LISTENS_ONLY: u8 = 0x20;
-/// Listen-only mode was entered.
+/// The event of entering listen-only mode.
 pub(super) const ENTERED_LISTEN_ONLY: u8 = 0x04;
-/// Communication was restarted.
+/// The event of a communication restart.
 pub(super) const RESTARTED: u8 = 0x00;
 
-/// A receive event of a damaged frame.
+/// The receive event of a damaged frame.
 pub(super) fn damaged(errors: ReceiveErrors) -> u8 {
     const COMMUNICATION_ERROR: u8 = 0x02;
     const CHARACTER_OVERRUN: u8 = 0x10;
@@ -30,7 +30,7 @@ pub(super) fn damaged(errors: ReceiveErrors) -> u8 {
     RECEIVE | COMMUNICATION_ERROR | overrun
 }
 
-/// A send event of an answer with this exception.
+/// The send event of an answer with this exception.
 pub(super) fn sent(exception: Exception) -> u8 {
     SEND | match exception {
         Exception::IllegalFunction
@@ -43,11 +43,11 @@ pub(super) fn sent(exception: Exception) -> u8 {
     }
 }
 
-/// The last `N` events; at most 64 of them fit an answer.
+/// The last `N` events, of which an answer holds at most 64.
 #[derive(Debug)]
 pub(super) struct EventLog<const N: usize> {
     events: [Cell<u8>; N],
-    /// Where the next one goes.
+    /// The place of the next event.
     next: Cell<u8>,
     len: Cell<u8>,
 }
@@ -79,7 +79,7 @@ impl<const N: usize> EventLog<N> {
         self.len.set(0);
     }
 
-    /// Writes the events to `out`, the newest first, as far as there is room. Returns how many.
+    /// Copies the events to `out`, the newest first, as far as there is room; returns their number.
     pub(super) fn copy_to(&self, out: &mut [u8]) -> u8 {
         let mut at = self.next.get();
         let mut count = 0;

@@ -6,22 +6,22 @@ use crate::data::{Registers, RegistersOut};
 use crate::exception::Exception;
 use crate::function::{RECORD_MAX, REFERENCE_TYPE};
 
-/// Unit id, function code, byte count; the groups follow.
+/// Bytes of unit id, function code, byte count; the groups follow.
 const HEAD: u8 = 3;
-/// Reference type, file, record, length.
+/// Bytes of reference type, file, record, length.
 const GROUP: usize = 7;
-/// Byte counts of a read request: one group to 35.
+/// Byte counts of a read request: one group to 35 groups.
 const READ_BYTES: core::ops::RangeInclusive<u8> = 0x07..=0xF5;
-/// Byte counts of a write request: one group of one register and more.
+/// Byte counts of a write request: from one group of one register on.
 const WRITE_BYTES: core::ops::RangeInclusive<u8> = 0x09..=0xFB;
-/// Bytes of groups that an answer to a read may have.
+/// The largest number of bytes of groups in the answer to a read.
 const ANSWER_MAX: u16 = 0xF5;
 
-/// One group, as far as its place in the standard is concerned: the model says whether the file exists.
+/// One group with values that the standard allows; the model decides whether the file exists.
 struct Group {
     file: u16,
     record: u16,
-    /// Registers, at least 1.
+    /// The number of registers, at least 1.
     count: u16,
 }
 
@@ -48,7 +48,7 @@ impl Group {
     }
 }
 
-/// What follows byte count, if it is as long as that says.
+/// The bytes after the byte count, if their number is equal to it.
 fn data(frame: &Adu, len: u8, bytes: core::ops::RangeInclusive<u8>) -> Result<&[u8], Exception> {
     let byte_count = frame[2];
     if len <= HEAD || len - HEAD != byte_count || !bytes.contains(&byte_count) {
@@ -59,7 +59,7 @@ fn data(frame: &Adu, len: u8, bytes: core::ops::RangeInclusive<u8>) -> Result<&[
         .ok_or(Exception::IllegalDataValue)
 }
 
-/// Needs some 250 bytes of stack: answers are longer than the groups they answer.
+/// Needs about 250 bytes of stack, since answers are longer than the groups of the request.
 pub(super) fn prepare_read<M: DataModel>(
     model: &mut M,
     frame: &mut Adu,
@@ -76,7 +76,7 @@ pub(super) fn prepare_read<M: DataModel>(
     let mut answer_bytes: u16 = 0;
     for bytes in &*copies {
         let count = Group::of(bytes).count;
-        // More than fits is out before the sum could overflow.
+        // A count that is too large is refused before the sum can overflow.
         if count == 0 || count > ANSWER_MAX / 2 {
             return Err(Exception::IllegalDataValue);
         }
@@ -107,11 +107,11 @@ pub(super) fn prepare_read<M: DataModel>(
     })
 }
 
-/// Hands each group to `f`, in order, with the bytes behind its head.
+/// Calls `f` with each group in order, and with the bytes behind its head.
 ///
 /// # Errors
 ///
-/// [`Exception::IllegalDataValue`] if the groups do not add up to `data`, or what `f` says.
+/// [`Exception::IllegalDataValue`] if the groups do not add up to `data`, or the exception of `f`.
 fn each_written(
     data: &[u8],
     mut f: impl FnMut(Group, &[u8; GROUP], Registers<'_>) -> Result<(), Exception>,
@@ -149,7 +149,7 @@ pub(super) fn prepare_write<M: DataModel>(
     Ok(Plan::Write { len })
 }
 
-/// Executes what was prepared: the groups in order, so that a later one wins where two are for the same record.
+/// Executes a prepared write: the groups in order, so that a later one wins if two hold the same record.
 pub(super) fn write<M: DataModel>(model: &mut M, frame: &Adu) -> Result<(), Exception> {
     let data = data(frame, frame[2].saturating_add(HEAD), WRITE_BYTES)?;
     each_written(data, |group, _, values| {

@@ -1,20 +1,20 @@
-//! Which functions a server has: a choice among the standard's, and those that the application adds.
+//! The functions of a server: a selection of the standard's, and those of the application.
 
 use super::{DataModel, Plan, refuse};
 use crate::exception::Exception;
 use crate::function::{self, EXCEPTION_BIT, PDU_MAX};
 use crate::{Adu, BROADCAST};
 
-/// The standard's functions that a model has, for [`DataModel::FUNCTIONS`]. What is not among them is answered with exception
-/// 01 and takes no flash.
+/// The standard's functions of a model, for [`DataModel::FUNCTIONS`]. Other functions are answered with exception 01
+/// and take no flash.
 ///
-/// Diagnostics, Get Comm Event Counter and Get Comm Event Log are not chosen here: a server that counts has them, see
-/// [`Server::counted`](super::Server::counted).
+/// Diagnostics, Get Comm Event Counter and Get Comm Event Log are not selected here: a server with counters has them,
+/// see [`Server::counted`](super::Server::counted).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FunctionSet(u64);
 
 impl FunctionSet {
-    /// FC 01 to 06, 0F and 10: coils, inputs and registers.
+    /// FC 01 to 06, 0F and 10: reading and writing coils, inputs and registers.
     pub const EIGHT: FunctionSet = FunctionSet(0)
         .with(function::READ_COILS)
         .with(function::READ_DISCRETE_INPUTS)
@@ -25,7 +25,7 @@ impl FunctionSet {
         .with(function::WRITE_MULTIPLE_COILS)
         .with(function::WRITE_MULTIPLE_REGISTERS);
 
-    /// All but the file records: the eight, and FC 07, 11, 16, 17, 18 and 2B.
+    /// All functions except those for file records: the eight, and FC 07, 11, 16, 17, 18 and 2B.
     pub const WITHOUT_FILES: FunctionSet = FunctionSet::EIGHT
         .with(function::READ_EXCEPTION_STATUS)
         .with(function::REPORT_SERVER_ID)
@@ -34,16 +34,16 @@ impl FunctionSet {
         .with(function::READ_FIFO_QUEUE)
         .with(function::ENCAPSULATED_INTERFACE);
 
-    /// All there are.
+    /// All functions that can be selected.
     pub const ALL: FunctionSet = FunctionSet::WITHOUT_FILES
         .with(function::READ_FILE_RECORD)
         .with(function::WRITE_FILE_RECORD);
 
-    /// With this one too.
+    /// Adds the function with this code.
     ///
     /// # Panics
     ///
-    /// If the standard has no such function or it is not to be chosen here; in a `const` that is a build error.
+    /// If the standard has no such function, or it cannot be selected here; in a `const` that is a build error.
     pub const fn with(self, code: u8) -> FunctionSet {
         assert!(
             matches!(
@@ -55,7 +55,7 @@ impl FunctionSet {
         FunctionSet(self.0 | 1 << code)
     }
 
-    /// Without this one.
+    /// Removes the function with this code.
     pub const fn without(self, code: u8) -> FunctionSet {
         if code < 64 {
             FunctionSet(self.0 & !(1 << code))
@@ -64,7 +64,7 @@ impl FunctionSet {
         }
     }
 
-    /// Whether it is among these.
+    /// Whether the set has the function with this code.
     #[inline(always)]
     pub const fn has(self, code: u8) -> bool {
         code < 64 && self.0 >> code & 1 != 0
@@ -73,22 +73,23 @@ impl FunctionSet {
 
 /// A function of the application.
 ///
-/// Given the model, a PDU buffer of 253 bytes and the length of the request in it; `pdu[0]` is the function code. It leaves
-/// the answer in the same place and returns its length, function code included; 0 says nothing. It runs when the frame
-/// stands, so it may change the model; it has to check everything before it does.
+/// The arguments are the model, a PDU buffer of 253 bytes and the length of the request in it; `pdu[0]` is the
+/// function code. The function writes the answer to the buffer and returns its length, function code included, or 0
+/// for no answer. It is called when the frame stands, so it may change the model; it must check the request before it
+/// does.
 ///
 /// # Errors
 ///
-/// The exception to answer with.
+/// The exception of the answer.
 pub type Function<M> = fn(model: &mut M, pdu: &mut [u8], len: usize) -> Result<usize, Exception>;
 
 /// A row of the table of functions, [`DataModel::APPLICATION`].
 pub struct ApplicationFunction<M> {
-    /// The function code, 1..=127 and none of the server's own; a row for another code is never reached.
+    /// The function code, 1..=127. A row with the code of one of the server's own functions is never used.
     pub code: u8,
-    /// Whether it is executed when it is broadcast. It is not answered then.
+    /// Whether the function is executed as a broadcast, which has no answer.
     pub broadcast: bool,
-    /// What it does.
+    /// The function to call.
     pub run: Function<M>,
 }
 
@@ -96,7 +97,7 @@ fn find<M: DataModel>(code: u8) -> Option<&'static ApplicationFunction<M>> {
     M::APPLICATION.iter().find(|row| row.code == code)
 }
 
-/// [`Plan::Call`] if there is something to call.
+/// Returns [`Plan::Call`] if there is a function for this code.
 pub(super) fn prepare<M: DataModel>(code: u8, broadcast: bool) -> Result<Plan, Exception> {
     if code == 0 || code & EXCEPTION_BIT != 0 {
         return Err(Exception::IllegalFunction);
@@ -110,11 +111,11 @@ pub(super) fn prepare<M: DataModel>(code: u8, broadcast: bool) -> Result<Plan, E
     }
 }
 
-/// Runs the function. Returns the length of the answer with its unit id, 0 for none.
+/// Calls the function. Returns the length of the answer with its unit id, 0 for none.
 ///
 /// # Errors
 ///
-/// The function's.
+/// The exception of the function.
 pub(super) fn call<M: DataModel>(
     model: &mut M,
     frame: &mut Adu,
@@ -130,7 +131,7 @@ pub(super) fn call<M: DataModel>(
         },
     };
     let answered = run(model, pdu, usize::from(request_len.saturating_sub(1)));
-    // The frame keeps the function it was asked for, whatever has become of the buffer.
+    // The frame keeps the function code of the request, whatever is in the buffer now.
     pdu[0] = match answered {
         Ok(1..=PDU_MAX) => pdu[0],
         _ => code,
@@ -138,12 +139,13 @@ pub(super) fn call<M: DataModel>(
     match answered? {
         0 => Ok(0),
         len if len <= PDU_MAX => Ok(len as u8 + 1),
-        // An answer that fits no frame is the application's failure, to be seen by the client.
+        // An answer that fits no frame is a failure of the application, of which the client is told.
         _ => Err(Exception::ServerDeviceFailure),
     }
 }
 
-/// The answer of a function that ran at the end: what it says, the exception, or nothing to a broadcast.
+/// The answer of a function that was executed when the frame stood: its result, the exception, or nothing to a
+/// broadcast.
 pub(super) fn answer(frame: &mut Adu, outcome: Result<u8, Exception>) -> u8 {
     match outcome {
         _ if frame[0] == BROADCAST => 0,

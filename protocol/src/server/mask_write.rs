@@ -5,12 +5,12 @@ use crate::Adu;
 use crate::data::{Registers, RegistersOut};
 use crate::exception::Exception;
 
-/// Unit id, function code, address, AND mask, OR mask; the answer is the same.
+/// Bytes of unit id, function code, address, AND mask, OR mask, in request and answer.
 const REQUEST_LEN: u8 = 8;
 
-/// The register as it will be, high byte first.
+/// Checks the new value of the register, high byte first.
 ///
-/// A declared rule binds this result, not the masks.
+/// Rules apply to the new value, not to the masks.
 pub(super) fn check<M: DataModel>(
     model: &mut M,
     frame: &Adu,
@@ -29,7 +29,7 @@ pub(super) fn check<M: DataModel>(
     Ok(cell)
 }
 
-/// Checked once more: the register may have changed since.
+/// Checks again before it writes, since the register may have changed.
 pub(super) fn execute<M: DataModel>(model: &mut M, frame: &Adu, len: u8) -> Result<u8, Exception> {
     let cell = check(model, frame, len)?;
     model.write_registers(two_words(frame).0, Registers::new(&cell))?;

@@ -1,12 +1,12 @@
-//! The server: a request in, an answer out, in the one buffer the request came in.
+//! The server: makes the answer to a request in the buffer that holds the request.
 //!
-//! It works in two phases, because a frame that a silence of t1.5 seems to have ended may still turn out bad when another
-//! byte comes before t3.5. [`Server::prepare`] runs in between: it checks the request and makes the answer, but changes
-//! nothing. [`Server::commit`] runs when the frame stands. So an answer is ready to start at t3.5, the earliest moment the
+//! It works in two phases. A frame that seems to have ended with a silence of t1.5 is void if another character comes
+//! before t3.5. [`Server::prepare`] runs in between: it checks the request and makes the answer, but changes nothing.
+//! [`Server::commit`] runs when the frame stands. So an answer can start at t3.5, the earliest moment that the
 //! standard allows.
 //!
-//! The order of the checks is that of the state diagrams in APP 6: function, quantity and length, addresses, values, and the
-//! operation itself. A write is all or nothing.
+//! The order of the checks is that of the state diagrams in APP 6: function, quantity and length, addresses, values,
+//! and then the operation itself. A write is executed whole or not at all.
 //!
 //! # Example
 //!
@@ -71,51 +71,51 @@ use core::cell::Cell;
 use crate::exception::Exception;
 use crate::{Adu, BROADCAST, UNIT_MAX, UNIT_MIN, function};
 
-/// Unit id and function code: the least a frame can be.
+/// Bytes of the shortest frame: unit id and function code.
 const LEN_MIN: u8 = 2;
-/// Unit id and the longest PDU.
+/// Bytes of unit id and the longest PDU.
 const LEN_MAX: u8 = 254;
-/// Unit id, function code and one word.
+/// Bytes of unit id, function code and one word.
 const REQUEST_HEAD: u8 = 4;
-/// Unit id, function code and exception code.
+/// Bytes of unit id, function code and exception code.
 const EXCEPTION_LEN: u8 = 3;
-/// What a write is answered with: unit id, function code, address, and value or quantity, as they stand in the request.
+/// Bytes of the answer to a write: unit id, function code, address, and value or quantity, as in the request.
 const WRITE_ANSWER_LEN: u8 = 6;
 
-/// What is to be done with a request when its frame stands.
+/// The action for a request when its frame stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Plan {
-    /// Nothing: it is for another unit.
+    /// No action, since the request is for another unit.
     Ignore,
-    /// Nothing but to count it: a broadcast that is not executed, or the server listens only.
+    /// Only count the request: a broadcast that is not executed, or a request in listen-only mode.
     Silent {
-        /// The exception that nobody is told of.
+        /// The exception that is not sent.
         refused: Option<Exception>,
     },
-    /// The answer, a read or an exception, is in `frame[..len]` and final.
+    /// Send the answer in `frame[..len]`, which is complete: a read or an exception.
     Answer {
         /// Bytes of unit id and PDU, 3..=254.
         len: u8,
     },
-    /// A sub-function of Diagnostics that changes something, to be executed by [`Server::commit`]. The frame is as it came in
-    /// and is the answer.
+    /// Execute a sub-function of Diagnostics by [`Server::commit`]. The frame holds the request, which is the answer
+    /// as well.
     Diagnose {
-        /// Bytes of unit id and PDU, 6; 0 for what is not answered.
+        /// Bytes of unit id and PDU, 6; 0 if there is no answer.
         len: u8,
     },
-    /// A checked write, to be executed by [`Server::commit`]. The frame is as it came in; its beginning is the answer.
+    /// Execute a checked write by [`Server::commit`]. The frame holds the request; its beginning is the answer.
     Write {
-        /// Bytes of unit id and PDU, as many as the answer has; 0 for a broadcast.
+        /// Bytes of unit id and PDU of the answer; 0 for a broadcast.
         len: u8,
     },
-    /// What has no answer before it is executed, by [`Server::commit`]: a function of the application, Mask Write Register, and
-    /// Read/Write Multiple Registers. The frame is as it came in.
+    /// Execute a request by [`Server::commit`] whose answer depends on the execution: a function of the application,
+    /// Mask Write Register, or Read/Write Multiple Registers. The frame holds the request.
     Call,
 }
 
 impl Plan {
-    /// How long the answer is that may go out as soon as the frame stands, in `frame[..len]` already; 0 if there is none or it
-    /// has to wait for [`Server::commit`].
+    /// The length of the answer that may be sent as soon as the frame stands, in `frame[..len]`; 0 if there is none,
+    /// or if it is made by [`Server::commit`].
     #[inline]
     pub fn answer_at_once<M: DataModel>(self) -> u8 {
         match self {
@@ -126,7 +126,7 @@ impl Plan {
     }
 }
 
-/// A server with one unit id, which counts if `D` does. See [`Diagnostics`].
+/// A server with one unit id, with counters if `D` has them. See [`Diagnostics`].
 #[derive(Debug)]
 pub struct Server<D = Uncounted> {
     unit: Cell<u8>,
@@ -134,7 +134,7 @@ pub struct Server<D = Uncounted> {
 }
 
 impl Server {
-    /// A server with this unit id, 1..=247, that does not count.
+    /// A server with this unit id, 1..=247, without counters.
     ///
     /// # Panics
     ///
@@ -172,13 +172,13 @@ impl<D> Server<D> {
         }
     }
 
-    /// The unit id.
+    /// The server's unit id.
     #[inline]
     pub const fn unit(&self) -> u8 {
         self.unit.get()
     }
 
-    /// Another unit id from the next request on; `false`, and nothing changed, unless it is 1..=247.
+    /// Sets the unit id from the next request on; returns `false` and changes nothing unless it is 1..=247.
     pub fn set_unit(&self, unit: u8) -> bool {
         let valid = (UNIT_MIN..=UNIT_MAX).contains(&unit);
         if valid {
@@ -187,7 +187,7 @@ impl<D> Server<D> {
         valid
     }
 
-    /// The counters.
+    /// The server's counters.
     #[inline]
     pub const fn diagnostics(&self) -> &D {
         &self.diagnostics
@@ -195,29 +195,30 @@ impl<D> Server<D> {
 }
 
 impl<D: Diagnostics> Server<D> {
-    /// Whether a good frame to this unit id is one to [`prepare`](Server::prepare): a request to this server, or any frame at
-    /// all if it counts them.
+    /// Whether a good frame to this unit id must be passed to [`prepare`](Server::prepare): a request to this server,
+    /// or any frame if the server has counters.
     #[inline]
     pub fn is_concerned(&self, unit: u8) -> bool {
         D::COUNTS || unit == self.unit() || unit == BROADCAST
     }
 
-    /// A damaged frame was heard, whoever it was for. Once for each.
+    /// Counts a damaged frame for any unit. Call it once for each.
     #[inline]
     pub fn damaged(&self, errors: crate::rtu::ReceiveErrors) {
         self.diagnostics.damaged(errors);
     }
 
-    /// The character that ends an ASCII frame behind CR, after an answer is sent: FC 08 may have changed it.
+    /// The character behind CR that ends an ASCII frame. FC 08 can change it, so read it after each answer.
     #[inline]
     pub fn delimiter(&self) -> u8 {
         self.diagnostics.delimiter()
     }
 
-    /// Checks the request in `frame[..len]`, unit id and PDU without CRC, and makes the answer in its place.
+    /// Checks the request in `frame[..len]`, unit id and PDU without CRC, and replaces it by the answer.
     ///
-    /// `frame[..len]` is a good frame: its CRC matched. The model is asked for values and checks but not changed. When the
-    /// frame turns out void, drop the plan: nothing has happened but that `frame[..254]` may be overwritten.
+    /// `frame[..len]` must be a good frame, whose CRC was checked. The model is read and asked for checks, but not
+    /// changed. If the frame becomes void, drop the plan: nothing has changed, except that `frame[..254]` may be
+    /// overwritten.
     #[inline(never)]
     pub fn prepare<M: DataModel>(&self, model: &mut M, frame: &mut Adu, len: u8) -> Plan {
         if !(LEN_MIN..=LEN_MAX).contains(&len) {
@@ -299,15 +300,16 @@ impl<D: Diagnostics> Server<D> {
         }
     }
 
-    /// The answer to a request did not go out, although [`commit`](Server::commit) has given it: it was cut off. A server that
-    /// counts has one more request that was not answered.
+    /// Counts an answer that was cut off after [`commit`](Server::commit) had returned it. A server with counters
+    /// counts the request as one without an answer.
     #[inline(always)]
     pub fn cut_off(&self) {
         self.diagnostics.cut_off();
     }
 
-    /// Does what [`prepare`](Server::prepare) planned for the request of `request_len` bytes in `frame`, once the frame
-    /// stands, and returns the length of the answer in it: 3..=254 bytes of unit id and PDU, or 0 to say nothing.
+    /// Executes the plan of [`prepare`](Server::prepare) for the request of `request_len` bytes in `frame`, when the
+    /// frame stands. Returns the length of the answer in `frame`: 3..=254 bytes of unit id and PDU, or 0 for no
+    /// answer.
     #[inline(always)]
     pub fn commit<M: DataModel>(
         &self,
@@ -319,8 +321,8 @@ impl<D: Diagnostics> Server<D> {
         self.conclude(model, Access::Owned(frame), request_len, plan)
     }
 
-    /// [`commit`](Server::commit), also for a request whose answer may be on its way already: one of which
-    /// [`Plan::answer_at_once`] has the length.
+    /// Executes a plan like [`commit`](Server::commit), also if the answer is already being sent: the one whose
+    /// length is [`Plan::answer_at_once`].
     pub fn conclude<M: DataModel>(
         &self,
         model: &mut M,
@@ -373,12 +375,12 @@ impl<D: Diagnostics> Server<D> {
     }
 }
 
-/// What may be done with a frame.
+/// Access to the frame of a request.
 #[derive(Debug)]
 pub enum Access<'a> {
-    /// Everything.
+    /// The frame may be changed.
     Owned(&'a mut Adu),
-    /// It is being sent.
+    /// The frame is being sent and may only be read.
     Released(&'a Adu),
 }
 
@@ -392,13 +394,13 @@ impl Access<'_> {
     }
 }
 
-/// Whether `code` is this function and the model has it. What it has not is gone when this is compiled.
+/// Whether `code` is this function and the model has it. The compiler removes functions that it has not.
 #[inline(always)]
 fn serves<M: DataModel>(code: u8, function: u8) -> bool {
     M::FUNCTIONS.has(function) && code == function
 }
 
-/// Executes what was planned as [`Plan::Write`].
+/// Executes a [`Plan::Write`].
 fn write<M: DataModel>(model: &mut M, frame: &Adu) -> Result<(), Exception> {
     use function::*;
     let code = frame[1];
@@ -412,7 +414,7 @@ fn write<M: DataModel>(model: &mut M, frame: &Adu) -> Result<(), Exception> {
     }
 }
 
-/// Executes what was planned as [`Plan::Call`].
+/// Executes a [`Plan::Call`].
 fn call<M: DataModel>(model: &mut M, frame: &mut Adu, request_len: u8) -> Result<u8, Exception> {
     use function::*;
     let code = frame[1];
@@ -426,14 +428,14 @@ fn call<M: DataModel>(model: &mut M, frame: &mut Adu, request_len: u8) -> Result
     }
 }
 
-/// Turns the request in `frame` into the exception answer, returns its length.
+/// Replaces the request in `frame` by the exception answer; returns its length.
 fn refuse(frame: &mut Adu, exception: Exception) -> u8 {
     frame[1] |= function::EXCEPTION_BIT;
     frame[2] = exception.code();
     EXCEPTION_LEN
 }
 
-/// Address and quantity, or address and value, of a request.
+/// The two words of a request: address and quantity, or address and value.
 #[inline(always)]
 fn two_words(frame: &Adu) -> (u16, u16) {
     (

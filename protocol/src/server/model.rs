@@ -1,40 +1,40 @@
-//! What a server reads and writes.
+//! The data model of a server.
 
 use super::{ApplicationFunction, Conformity, Function, FunctionSet};
 use crate::data::{BytesOut, Coils, CoilsOut, Registers, RegistersOut};
 use crate::exception::Exception;
 
-/// The four tables of a server (APP 4.3), asked block by block, and what its other functions tell.
+/// The four tables of a server (APP 4.3), which are read and written in blocks, and the data of its other functions.
 ///
-/// A block never runs past address 65535 and holds at least one item; it exists if each of its items does. What is not
-/// implemented does not exist: its default answers [`Exception::IllegalDataAddress`].
+/// A block never runs past address 65535 and has at least one item; it exists if all of its items do. A table that is
+/// not implemented does not exist: its methods return [`Exception::IllegalDataAddress`] by default.
 ///
-/// A read may be asked for a request that turns out void, so it must have no effect of its own. A write is called only after
-/// its check passed, with no other call in between.
+/// A read may be for a request that becomes void, so it must have no side effect. A write is called only after its
+/// check has passed, with no other call in between.
 #[allow(unused_variables)]
 pub trait DataModel: Sized + 'static {
-    /// The standard's functions that the server has. One that is not among them takes no flash.
+    /// The standard's functions of the server. Others take no flash.
     const FUNCTIONS: FunctionSet = FunctionSet::EIGHT;
 
-    /// Functions of the application.
+    /// Functions of the application, by function code.
     ///
     /// Function codes 00 and 80..=FF are always answered with exception 01 (APP 4.1).
     const APPLICATION: &'static [ApplicationFunction<Self>] = &[];
 
-    /// What is called for every function code that is neither the server's nor in [`APPLICATION`](DataModel::APPLICATION), in
-    /// place of exception 01. It is not executed when broadcast.
+    /// The function that is called for every function code that is neither the server's nor in
+    /// [`APPLICATION`](DataModel::APPLICATION), in place of exception 01. It is not executed as a broadcast.
     const DEFAULT: Option<Function<Self>> = None;
 
-    /// How much Read Device Identification tells.
+    /// The conformity level of Read Device Identification.
     const CONFORMITY: Conformity = Conformity::Basic;
 
-    /// Whether a write can still fail after its check passed.
+    /// Whether a write can fail after its check has passed.
     ///
-    /// `false` is a promise; in return the answer may start while the write is being executed, and a failure then is not
-    /// told to anybody.
+    /// If it is `false`, the answer may be sent while the write is being executed, and a failure is not reported to
+    /// the client.
     const WRITES_MAY_FAIL: bool = true;
 
-    /// Reads coils from address `first` on, 1..=2000 of them.
+    /// Reads coils from address `first` on, 1..=2000.
     ///
     /// # Errors
     ///
@@ -43,7 +43,7 @@ pub trait DataModel: Sized + 'static {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Reads discrete inputs from address `first` on, 1..=2000 of them.
+    /// Reads discrete inputs from address `first` on, 1..=2000.
     ///
     /// # Errors
     ///
@@ -52,7 +52,7 @@ pub trait DataModel: Sized + 'static {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Reads holding registers from address `first` on, 1..=125 of them.
+    /// Reads holding registers from address `first` on, 1..=125.
     ///
     /// # Errors
     ///
@@ -61,7 +61,7 @@ pub trait DataModel: Sized + 'static {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Reads input registers from address `first` on, 1..=125 of them.
+    /// Reads input registers from address `first` on, 1..=125.
     ///
     /// # Errors
     ///
@@ -70,7 +70,7 @@ pub trait DataModel: Sized + 'static {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Whether all these coils, from address `first` on, may be written so. 1..=1968 of them.
+    /// Checks whether these values may be written to the coils from address `first` on, 1..=1968.
     ///
     /// # Errors
     ///
@@ -79,36 +79,36 @@ pub trait DataModel: Sized + 'static {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Whether all these holding registers, from address `first` on, may be written so. 1..=123 of them.
+    /// Checks whether these values may be written to the holding registers from address `first` on, 1..=123.
     ///
     /// # Errors
     ///
-    /// [`Exception::IllegalDataAddress`] unless all of them exist, [`Exception::IllegalDataValue`] for a value that is not
-    /// allowed.
+    /// [`Exception::IllegalDataAddress`] unless all of them exist, [`Exception::IllegalDataValue`] for a value that
+    /// is not allowed.
     fn check_registers(&self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Writes coils that were checked.
+    /// Writes coils that were checked before.
     ///
     /// # Errors
     ///
-    /// [`Exception::ServerDeviceFailure`] if the operation failed; nothing may have changed then.
+    /// [`Exception::ServerDeviceFailure`] if the operation failed; then nothing may have changed.
     fn write_coils(&mut self, first: u16, values: Coils<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Writes holding registers that were checked.
+    /// Writes holding registers that were checked before.
     ///
     /// # Errors
     ///
-    /// [`Exception::ServerDeviceFailure`] if the operation failed; nothing may have changed then.
+    /// [`Exception::ServerDeviceFailure`] if the operation failed; then nothing may have changed.
     fn write_registers(&mut self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Whether these holding registers, from address `first` on, can be read: for Read/Write Multiple Registers, which writes
-    /// before it reads and must know before. By default they are read, a few at a time.
+    /// Checks whether the holding registers from address `first` on can be read, for Read/Write Multiple Registers,
+    /// which writes before it reads. By default the registers are read, a few at a time.
     ///
     /// # Errors
     ///
@@ -131,37 +131,39 @@ pub trait DataModel: Sized + 'static {
         0
     }
 
-    /// Whether an earlier request is still being worked on: the status of Get Comm Event Counter and Log (APP 6.9).
+    /// Whether an earlier request is still being executed: the status of Get Comm Event Counter and Log (APP 6.9).
     fn is_busy(&mut self) -> bool {
         false
     }
 
-    /// What Report Server ID tells (APP 6.13): the id, the run indicator (0x00 or 0xFF), and what else there is to say. Up to
-    /// 251 bytes; what does not fit is left out.
+    /// Writes the data of Report Server ID (APP 6.13): the id, the run indicator (0x00 or 0xFF), and additional data.
+    /// Bytes after the first 251 are dropped.
     fn server_id(&mut self, out: &mut BytesOut<'_>) {}
 
-    /// Copies the queue at this pointer to `out`, which has room for 31, and returns how many are queued. They stay queued
-    /// (APP 6.18).
+    /// Copies the queue at this pointer to `out`, which has room for 31 registers, and returns their number. They
+    /// stay in the queue (APP 6.18).
     ///
     /// # Errors
     ///
-    /// [`Exception::IllegalDataAddress`] if there is no such queue. One with over 31 registers is refused by the server.
+    /// [`Exception::IllegalDataAddress`] if there is no such queue. The server refuses a queue with over 31
+    /// registers.
     fn fifo_queue(&mut self, pointer: u16, out: RegistersOut<'_>) -> Result<u16, Exception> {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Writes an object of the device identification to `out`; `false` if there is no such object. 0 is the vendor, 1 the
-    /// product code, 2 the revision, 3 to 6 are optional, 0x80 to 0xFF the application's (APP 6.21). Up to 244 bytes.
+    /// Writes an object of the device identification to `out`; returns `false` if there is no such object. 0 is the
+    /// vendor, 1 the product code, 2 the revision; 3 to 6 are optional, 0x80 to 0xFF are for the application (APP
+    /// 6.21). Up to 244 bytes.
     fn device_object(&mut self, id: u8, out: &mut BytesOut<'_>) -> bool {
         false
     }
 
-    /// Reads registers of a record file, at least 1: `file` 1..=65535, records from `record` on, the last one at most 9999
-    /// (APP 6.14).
+    /// Reads registers of a record file, at least 1: `file` is 1..=65535, the records begin at `record` and end at
+    /// 9999 at most (APP 6.14).
     ///
     /// # Errors
     ///
-    /// [`Exception::IllegalDataAddress`] unless file and records exist.
+    /// [`Exception::IllegalDataAddress`] unless the file and all records exist.
     fn file_records(
         &mut self,
         file: u16,
@@ -171,12 +173,12 @@ pub trait DataModel: Sized + 'static {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Whether these records may be written so (APP 6.15).
+    /// Checks whether these values may be written to the records (APP 6.15).
     ///
     /// # Errors
     ///
-    /// [`Exception::IllegalDataAddress`] unless file and records exist, [`Exception::IllegalDataValue`] for a value that is
-    /// not allowed.
+    /// [`Exception::IllegalDataAddress`] unless the file and all records exist, [`Exception::IllegalDataValue`] for a
+    /// value that is not allowed.
     fn check_file_records(
         &self,
         file: u16,
@@ -186,11 +188,11 @@ pub trait DataModel: Sized + 'static {
         Err(Exception::IllegalDataAddress)
     }
 
-    /// Writes records that were checked.
+    /// Writes records that were checked before.
     ///
     /// # Errors
     ///
-    /// [`Exception::ServerDeviceFailure`] if the operation failed; nothing may have changed then.
+    /// [`Exception::ServerDeviceFailure`] if the operation failed; then nothing may have changed.
     fn write_file_records(
         &mut self,
         file: u16,

@@ -6,7 +6,7 @@ use crate::data::CoilsOut;
 use crate::exception::Exception;
 use crate::function::{READ_BITS_MAX, READ_COILS};
 
-/// Unit id, function code, address, quantity.
+/// Bytes of unit id, function code, address, quantity.
 const REQUEST_LEN: u8 = 6;
 
 pub(super) fn prepare<M: DataModel>(

@@ -6,7 +6,7 @@ use crate::data::RegistersOut;
 use crate::exception::Exception;
 use crate::function::FIFO_MAX;
 
-/// Unit id, function code, byte count, number of registers; the registers follow.
+/// Bytes of unit id, function code, byte count, number of registers; the registers follow.
 const ANSWER_HEAD: u8 = 6;
 
 pub(super) fn prepare<M: DataModel>(

@@ -6,7 +6,7 @@ use crate::data::RegistersOut;
 use crate::exception::Exception;
 use crate::function::{READ_HOLDING_REGISTERS, READ_REGISTERS_MAX};
 
-/// Unit id, function code, address, quantity.
+/// Bytes of unit id, function code, address, quantity.
 const REQUEST_LEN: u8 = 6;
 
 pub(super) fn prepare<M: DataModel>(
@@ -23,7 +23,7 @@ pub(super) fn prepare<M: DataModel>(
     answer(model, frame, first, count, holding).map(|len| Plan::Answer { len })
 }
 
-/// Reads a block of up to 125 into the answer, returns its length.
+/// Reads a block of up to 125 registers into the answer; returns its length.
 pub(super) fn answer<M: DataModel>(
     model: &mut M,
     frame: &mut Adu,

@@ -1,4 +1,4 @@
-//! Read/Write Multiple Registers (APP 6.17): the write comes before the read.
+//! Read/Write Multiple Registers (APP 6.17): the write is executed before the read.
 
 use super::{DataModel, check_end, read_registers, two_words};
 use crate::Adu;
@@ -6,10 +6,11 @@ use crate::data::Registers;
 use crate::exception::Exception;
 use crate::function::{READ_REGISTERS_MAX, READ_WRITE_REGISTERS_MAX};
 
-/// Unit id, function code, address and quantity to read, address and quantity to write, byte count; the registers follow.
+/// Bytes of unit id, function code, address and quantity to read, address and quantity to write, byte count; the
+/// registers follow.
 const HEAD: u8 = 11;
 
-/// Address and registers to write.
+/// The address and values of the write.
 fn write_part(frame: &Adu) -> (u16, Registers<'_>) {
     let end = usize::from(HEAD) + usize::from(frame[10]);
     (
@@ -21,7 +22,7 @@ fn write_part(frame: &Adu) -> (u16, Registers<'_>) {
 pub(super) fn check<M: DataModel>(model: &mut M, frame: &Adu, len: u8) -> Result<(), Exception> {
     let (first_read, read_count) = two_words(frame);
     let write_count = u16::from_be_bytes([frame[8], frame[9]]);
-    // A byte count of 0 is out, and with it a quantity of 0.
+    // A byte count of 0 is refused, and with it a quantity of 0.
     let well_formed = len > HEAD
         && len - HEAD == frame[10]
         && write_count <= READ_WRITE_REGISTERS_MAX
@@ -38,7 +39,7 @@ pub(super) fn check<M: DataModel>(model: &mut M, frame: &Adu, len: u8) -> Result
     model.check_registers(first_written, values)
 }
 
-/// Checked once more: what a rule depends on may have changed since.
+/// Checks again before it writes, since the flag or register of a rule may have changed.
 pub(super) fn execute<M: DataModel>(
     model: &mut M,
     frame: &mut Adu,

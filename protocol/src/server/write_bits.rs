@@ -6,14 +6,14 @@ use crate::data::Coils;
 use crate::exception::Exception;
 use crate::function::{COIL_OFF, COIL_ON, WRITE_COILS_MAX, WRITE_SINGLE_COIL};
 
-/// Unit id, function code, address, value.
+/// Bytes of unit id, function code, address, value.
 const SINGLE_LEN: u8 = 6;
-/// Unit id, function code, address, quantity, byte count; the coils follow.
+/// Bytes of unit id, function code, address, quantity, byte count; the coils follow.
 const MULTIPLE_HEAD: u8 = 7;
 
 pub(super) fn prepare<M: DataModel>(model: &M, frame: &Adu, len: u8) -> Result<Plan, Exception> {
     let (first, word) = two_words(frame);
-    // A byte count of 0 is out, and with it a quantity of 0.
+    // A byte count of 0 is refused, and with it a quantity of 0.
     let well_formed = if frame[1] == WRITE_SINGLE_COIL {
         len == SINGLE_LEN && (word == COIL_ON || word == COIL_OFF)
     } else {
@@ -40,7 +40,7 @@ pub(super) fn commit<M: DataModel>(model: &mut M, frame: &Adu) -> Result<(), Exc
 /// The coils of a well-formed request.
 fn values(frame: &Adu) -> Coils<'_> {
     if frame[1] == WRITE_SINGLE_COIL {
-        // Of 0xFF00 and 0x0000 the high byte is the coil, in its lowest bit as in every byte of coils.
+        // The high byte of 0xFF00 or 0x0000 is the coil, in its lowest bit as in every byte of coils.
         Coils::of(&frame[4..5], 1)
     } else {
         let end = usize::from(MULTIPLE_HEAD) + usize::from(frame[6]);

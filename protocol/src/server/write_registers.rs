@@ -6,14 +6,14 @@ use crate::data::Registers;
 use crate::exception::Exception;
 use crate::function::{WRITE_REGISTERS_MAX, WRITE_SINGLE_REGISTER};
 
-/// Unit id, function code, address, value.
+/// Bytes of unit id, function code, address, value.
 const SINGLE_LEN: u8 = 6;
-/// Unit id, function code, address, quantity, byte count; the registers follow.
+/// Bytes of unit id, function code, address, quantity, byte count; the registers follow.
 const MULTIPLE_HEAD: u8 = 7;
 
 pub(super) fn prepare<M: DataModel>(model: &M, frame: &Adu, len: u8) -> Result<Plan, Exception> {
     let (first, word) = two_words(frame);
-    // A byte count of 0 is out, and with it a quantity of 0.
+    // A byte count of 0 is refused, and with it a quantity of 0.
     let well_formed = if frame[1] == WRITE_SINGLE_REGISTER {
         len == SINGLE_LEN
     } else {

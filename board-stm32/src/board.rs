@@ -68,7 +68,7 @@ pub fn init(watchdog: Watchdog) -> Board {
     }
 }
 
-/// Why the board has started. [`ResetCause::tell`] puts it into the diagnostic register.
+/// Why the board has started. [`ResetCause::report`] puts it into the diagnostic register.
 pub fn reset_cause() -> ResetCause {
     ResetCause::from_number(CAUSE.load(Ordering::Relaxed))
 }

@@ -7,11 +7,15 @@
 //! | D3..D7, D8..D13 | free; the demonstration unit's LEDs |
 #![no_std]
 
+mod board;
 pub mod outputs;
+mod watchdog;
 
+pub use board::{Board, Closed, Pins, init, run};
+pub use embassy_avr_hal as hal;
+use embassy_avr_hal::baud;
 use embassy_avr_hal::usart::{Delayed, Framings, RtuAndAscii, RtuOnly, Settings, Slow, Usart0};
 pub use embassy_avr_hal::watchdog::Watchdog;
-use embassy_avr_hal::{baud, pac};
 use multidrop::PortConfig;
 pub use multidrop::ResetCause;
 use multidrop::line::{InterCharacter, LineError};
@@ -19,13 +23,18 @@ use multidrop::protocol::format::Framing;
 use multidrop::protocol::message::Message;
 use multidrop::protocol::port_registers::Duplex;
 use multidrop::protocol::timing;
+#[doc(hidden)]
+pub use multidrop::roll::Watchdog as RollWatchdog;
 pub use multidrop_apps::options;
+pub use watchdog::Bound;
+#[doc(hidden)]
+pub use watchdog::{OneExecutor, Task};
 
 /// The CPU clock: the Nano's 16 MHz crystal if not built otherwise.
 pub const CLOCK_HZ: u32 = options::clock(16_000_000);
 
-/// The pin that enables the driver of the RS-485 transceiver. To move it, change this line, and take
-/// the pin out of whatever else uses it.
+/// The pin that enables the driver of the RS-485 transceiver. To move it, change this line and [`DE_MASK`], and swap the two pins
+/// in [`Pins`].
 pub type De = embassy_avr_hal::gpio::PD2;
 
 /// The mask of [`De`] in its port.
@@ -131,28 +140,6 @@ pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
             .text(": framing is ASCII, must be RTU on a line of type Rs485; Rs485Ascii has both")
             .fail(),
     }
-}
-
-/// Finds out why the board has started, starts the watchdog, and gives the peripherals. The first thing in `main`.
-///
-/// Where the build is for the old boot loader, which cannot bear a watchdog, it stays off.
-///
-/// # Panics
-/// The second time.
-#[inline(always)]
-pub fn init(watchdog: Watchdog) -> pac::Peripherals {
-    #[cfg(not(feature = "bare"))]
-    {
-        embassy_avr_hal::fault::keep_cause();
-        if options::watchdog() {
-            watchdog.start();
-        } else {
-            // Perhaps the boot loader has used it.
-            embassy_avr_hal::watchdog::stop();
-        }
-    }
-    let _ = watchdog;
-    pac::Peripherals::take().unwrap()
 }
 
 /// How deep the stack has been since the board has started. Not in an image that is built bare.

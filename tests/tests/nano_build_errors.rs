@@ -80,35 +80,35 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
         ),
         (
             "slots",
-            format!("{WAITING}bind_time!(16_000_000, slots = 1, tasks = [poll, blink]);"),
-            "bind_time: slots is 1, must be at least 2, for that many tasks are named",
+            format!("{WAITING}bind_interrupts!(struct Irqs {{ TIME => 16_000_000, slots = 1, tasks = [poll, blink]; }});"),
+            "TIME: slots is 1, must be at least 2, for that many tasks are named",
         ),
         (
             "slots_none",
-            "bind_time!(16_000_000, slots = 0);".to_owned(),
-            "bind_time: slots is 0, must be 1..=32",
+            "bind_interrupts!(struct Irqs { TIME => 16_000_000, slots = 0; });".to_owned(),
+            "TIME: slots is 0, must be 1..=32",
         ),
         (
             "slots_many",
-            "bind_time!(16_000_000, slots = 33);".to_owned(),
-            "bind_time: slots is 33, must be 1..=32",
+            "bind_interrupts!(struct Irqs { TIME => 16_000_000, slots = 33; });".to_owned(),
+            "TIME: slots is 33, must be 1..=32",
         ),
         (
             "slots_right",
-            format!("{WAITING}bind_time!(16_000_000, tasks = [poll, blink]);"),
+            format!("{WAITING}bind_interrupts!(struct Irqs {{ TIME => 16_000_000, tasks = [poll, blink]; }});"),
             "",
         ),
         (
             "edges",
-            "bind_edges!(Edges: INT1);\n\
-             pub fn take(pin: PD4) { EdgeInput::new(Input::new(pin, true), Edges); }"
+            "bind_interrupts!(struct Irqs { INT1; });\n\
+             pub fn take(pin: PD4) { EdgeInput::new(Input::new(pin, true), Irqs); }"
                 .to_owned(),
-            "the interrupt of PortD is not bound: name INT0 for PD2, INT1 for PD3, PCINT2 for PD4 to PD7 in bind_edges!",
+            "the interrupt of PortD is not bound: name INT0 for PD2, INT1 for PD3, PCINT2 for PD4 to PD7 in bind_interrupts!",
         ),
         (
             "edges_right",
-            "bind_edges!(Edges: INT1, PCINT2);\n\
-             pub fn take(pin: PD4) { EdgeInput::new(Input::new(pin, true), Edges); }"
+            "bind_interrupts!(struct Irqs { INT1; PCINT2; });\n\
+             pub fn take(pin: PD4) { EdgeInput::new(Input::new(pin, true), Irqs); }"
                 .to_owned(),
             "",
         ),
@@ -122,9 +122,94 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
             "const _: Watchdog = Watchdog::ms::<8000>();".to_owned(),
             "",
         ),
+        (
+            "usart_not_bound",
+            format!("bind_interrupts!(struct Irqs {{ EEPROM; }});\n{OPEN}"),
+            "the interrupts of USART0 are not bound to this type of line: name it in bind_interrupts!, `USART0 => TYPE;`",
+        ),
+        (
+            "usart_other_de",
+            format!("bind_interrupts!(struct Irqs {{ USART0 => Usart0<PD4, 16_000_000>; }});\n{OPEN}"),
+            "the interrupts of USART0 are not bound to this type of line: name it in bind_interrupts!, `USART0 => TYPE;`",
+        ),
+        (
+            "usart_other_framings",
+            format!("bind_interrupts!(struct Irqs {{ USART0 => Usart0<PD2, 16_000_000, Slow<RtuOnly>>; }});\n{OPEN}"),
+            "the interrupts of USART0 are not bound to this type of line: name it in bind_interrupts!, `USART0 => TYPE;`",
+        ),
+        (
+            "usart_right",
+            format!("bind_interrupts!(struct Irqs {{ USART0 => Usart0<PD2, 16_000_000>; }});\n{OPEN}"),
+            "",
+        ),
+        (
+            "eeprom_not_bound",
+            "bind_interrupts!(struct Irqs { INT0; });\n\
+             pub fn take(registers: pac::EEPROM) -> Eeprom { Eeprom::new(registers, Irqs) }"
+                .to_owned(),
+            "the interrupt of the EEPROM is not bound: name EEPROM in bind_interrupts!",
+        ),
+        (
+            "eeprom_right",
+            "bind_interrupts!(struct Irqs { EEPROM; });\n\
+             pub fn take(registers: pac::EEPROM) -> Eeprom { Eeprom::new(registers, Irqs) }"
+                .to_owned(),
+            "",
+        ),
+        (
+            "watchdog_not_bound",
+            "bind_interrupts!(struct Irqs { EEPROM; });\n\
+             pub fn start() { Watchdog::DEFAULT.start(Irqs) }"
+                .to_owned(),
+            "the interrupt of the watchdog is not bound: name WATCHDOG in bind_interrupts!",
+        ),
+        (
+            "watchdog_not_of_the_board",
+            "bind_interrupts!(struct Irqs { USART0 => Rs485; WATCHDOG; });\n\
+             pub fn begin() -> Board { board_nano::init(Irqs) }"
+                .to_owned(),
+            "`Irqs` has no watchdog for a roll: define it by board_nano::bind_interrupts!",
+        ),
+        (
+            "watchdog_not_fed",
+            "board_nano::bind_interrupts!(struct Irqs { USART0 => Rs485; });\n\
+             pub fn begin() -> ! { executor::run(Irqs, |_| {}) }"
+                .to_owned(),
+            "`Irqs` binds WATCHDOG, which has to be fed: run the executor by run_watched",
+        ),
+        (
+            "watchdog_fed",
+            "board_nano::bind_interrupts!(struct Irqs { USART0 => Rs485; });\n\
+             static ROLL: Roll<Irqs, 0> = Roll::new();\n\
+             pub fn begin() -> ! { board_nano::init(Irqs); board_nano::run(&ROLL, |_| {}) }"
+                .to_owned(),
+            "",
+        ),
+        (
+            "run_without_token",
+            "pub fn begin() -> ! { executor::run(|_| {}) }".to_owned(),
+            "this function takes 2 arguments but 1 argument was supplied",
+        ),
+        (
+            "bound_unknown",
+            "bind_interrupts!(struct Irqs { USART1; });".to_owned(),
+            "bind_interrupts! does not know `USART1;`: must be some of `USART0 => TYPE;`, `WATCHDOG;`, `EEPROM;`, `INT0;`, `INT1;`, `PCINT2;`, `TIME => HZ;`, each once",
+        ),
+        (
+            "bound_twice",
+            "bind_interrupts!(struct Irqs { EEPROM; });\nbind_interrupts!(struct Others { INT0; });"
+                .to_owned(),
+            "the name `bound_interrupts` is defined multiple times",
+        ),
         ("right", port(".baud(38_400)"), ""),
     ]
 }
+
+/// What takes the token of the line.
+const OPEN: &str = "type Line = Usart0<PD2, 16_000_000>;
+pub fn open(chip: pac::Peripherals, pins: Pins, settings: Settings<RtuOnly>) -> Line {
+    Line::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, Irqs, settings)
+}";
 
 /// Two tasks that wait for time, as far as the macro looks at them.
 const WAITING: &str = "fn poll() {}\nfn blink() {}\n";
@@ -132,12 +217,13 @@ const WAITING: &str = "fn poll() {}\nfn blink() {}\n";
 const IMPORTS: &str = "#![no_std]
 #![feature(abi_avr_interrupt)]
 #![allow(unused_imports, dead_code)]
-use board_nano::{Watchdog, settings};
+use board_nano::{Board, Rs485, Watchdog, settings};
 use embassy_avr_hal::edge::EdgeInput;
+use embassy_avr_hal::eeprom::Eeprom;
 use embassy_avr_hal::gpio::{Input, Output, PD2, PD4, Pins};
-use embassy_avr_hal::{bind_edges, bind_time};
-use embassy_avr_hal::usart::{Delayed, RtuOnly, Settings, Slow};
-use multidrop::PortConfig;
+use embassy_avr_hal::usart::{Delayed, RtuOnly, Settings, Slow, Usart0};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
+use multidrop::{PortConfig, Roll};
 use multidrop::line::InterCharacter;
 use multidrop::protocol::format::Framing;
 use multidrop::protocol::port_registers::{Duplex, Flow};

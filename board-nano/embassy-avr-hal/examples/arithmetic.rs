@@ -4,8 +4,12 @@
 
 use core::hint::black_box;
 
-use embassy_avr_hal::executor;
 use embassy_avr_hal::gpio::PortBOut;
+use embassy_avr_hal::{bind_interrupts, executor};
+
+bind_interrupts!(
+    struct Irqs {}
+);
 
 /// Numbers at the ends of the range, and by chance.
 const PAIRS: u16 = 3_000;
@@ -85,7 +89,7 @@ fn main() -> ! {
     } else {
         0b10
     });
-    executor::run(|_| {})
+    executor::run(Irqs, |_| {})
 }
 
 #[panic_handler]

@@ -4,11 +4,11 @@
 #![feature(abi_avr_interrupt)]
 
 use embassy_avr_hal::gpio::{Output, PB4, PB5, Pins};
-use embassy_avr_hal::{bind_time, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_time::{Duration, Ticker, Timer};
 use embedded_hal::digital::StatefulOutputPin;
 
-bind_time!(16_000_000);
+bind_interrupts!(struct Irqs { TIME => 16_000_000; });
 
 /// Keeps the beat: no drift.
 #[embassy_executor::task]
@@ -33,7 +33,7 @@ async fn wait(mut led: Output<PB4>) {
 fn main() -> ! {
     let chip = pac::Peripherals::take().unwrap();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    run_with_time(|spawner| {
+    executor::run(Irqs, |spawner| {
         spawner.spawn(beat(Output::new(pins.PB5, false)).unwrap());
         spawner.spawn(wait(Output::new(pins.PB4, false)).unwrap());
     })

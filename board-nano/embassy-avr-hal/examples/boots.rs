@@ -5,9 +5,9 @@
 
 use embassy_avr_hal::eeprom::Eeprom;
 use embassy_avr_hal::gpio::PortBOut;
-use embassy_avr_hal::{bind_eeprom, executor, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 
-bind_eeprom!();
+bind_interrupts!(struct Irqs { EEPROM; });
 
 /// Where the count is kept, two bytes, little endian.
 const ADDRESS: u16 = 16;
@@ -28,7 +28,9 @@ async fn count(mut eeprom: Eeprom) {
 #[avr_device::entry]
 fn main() -> ! {
     let chip = pac::Peripherals::take().unwrap();
-    executor::run(|spawner| spawner.spawn(count(Eeprom::new(chip.EEPROM)).unwrap()))
+    executor::run(Irqs, |spawner| {
+        spawner.spawn(count(Eeprom::new(chip.EEPROM, Irqs)).unwrap())
+    })
 }
 
 #[panic_handler]

@@ -9,9 +9,9 @@ use core::sync::atomic::{AtomicU8, Ordering::Relaxed};
 use core::task::Poll;
 
 use embassy_avr_hal::eeprom::Eeprom;
-use embassy_avr_hal::{bind_eeprom, executor, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 
-bind_eeprom!();
+bind_interrupts!(struct Irqs { EEPROM; });
 
 /// The most bytes of one order.
 const ROOM: usize = 32;
@@ -80,7 +80,9 @@ fn main() -> ! {
     // Any edge (DS 13.2.1, EICRA; 13.2.2, EIMSK).
     chip.EXINT.eicra().write(|w| w.isc0().val_0x01());
     chip.EXINT.eimsk().write(|w| w.int0().set_bit());
-    executor::run(|spawner| spawner.spawn(obey(Eeprom::new(chip.EEPROM)).unwrap()))
+    executor::run(Irqs, |spawner| {
+        spawner.spawn(obey(Eeprom::new(chip.EEPROM, Irqs)).unwrap())
+    })
 }
 
 #[panic_handler]

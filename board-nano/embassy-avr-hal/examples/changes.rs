@@ -7,7 +7,7 @@
 use embassy_avr_hal::edge::EdgeInput;
 use embassy_avr_hal::gpio::{Input, PD2, PD3, Pins};
 use embassy_avr_hal::usart::{RtuOnly, Settings, Usart0};
-use embassy_avr_hal::{bind_edges, bind_usart0, executor, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_futures::join::join;
 use embedded_hal_async::digital::Wait;
 use multidrop::line::{Line, LineConfig};
@@ -30,12 +30,11 @@ const SETTINGS: [LineConfig; 2] = [
 
 type Rs485 = Usart0<PD2, CLOCK_HZ, RtuOnly>;
 
-bind_usart0!(Rs485);
-bind_edges!(Edges: INT1);
+bind_interrupts!(struct Irqs { USART0 => Rs485; INT1; });
 
 #[embassy_executor::task]
 async fn repeat(line: Rs485, input: Input<PD3>) {
-    let mut input = EdgeInput::new(input, Edges);
+    let mut input = EdgeInput::new(input, Irqs);
     let mut now = 0;
     loop {
         let Ok(mut frame) = line.receive().await else {
@@ -71,10 +70,11 @@ fn main() -> ! {
         pins.PD0,
         pins.PD1,
         pins.PD2,
+        Irqs,
         settings,
     );
     let input = Input::new(pins.PD3, true);
-    executor::run(|spawner| spawner.spawn(repeat(line, input).unwrap()))
+    executor::run(Irqs, |spawner| spawner.spawn(repeat(line, input).unwrap()))
 }
 
 #[panic_handler]

@@ -6,13 +6,13 @@
 #![feature(abi_avr_interrupt)]
 
 use embassy_avr_hal::gpio::{Output, PB0, PB1, Pins};
-use embassy_avr_hal::{bind_time, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_futures::select::select;
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer, block_for};
 use embedded_hal::digital::StatefulOutputPin;
 
-bind_time!(16_000_000);
+bind_interrupts!(struct Irqs { TIME => 16_000_000; });
 
 #[embassy_executor::task]
 async fn wait(mut out: Output<PB0>) {
@@ -49,7 +49,7 @@ async fn wait_for_two(mut out: Output<PB1>) {
 fn main() -> ! {
     let chip = pac::Peripherals::take().unwrap();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    run_with_time(|spawner| {
+    executor::run(Irqs, |spawner| {
         spawner.spawn(wait(Output::new(pins.PB0, false)).unwrap());
         spawner.spawn(read().unwrap());
         spawner.spawn(wait_for_two(Output::new(pins.PB1, false)).unwrap());

@@ -6,7 +6,7 @@
 
 use embassy_avr_hal::gpio::{PD2, Pins};
 use embassy_avr_hal::usart::{Delayed, RtuOnly, Settings, Usart0};
-use embassy_avr_hal::{bind_usart0, executor, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use multidrop::line::{Line, LineConfig};
 use multidrop::protocol::format::LineFormat;
 
@@ -22,7 +22,7 @@ const START: LineConfig = LineConfig {
 
 type Rs485 = Usart0<PD2, CLOCK_HZ, Delayed<RtuOnly>>;
 
-bind_usart0!(Rs485);
+bind_interrupts!(struct Irqs { USART0 => Rs485; });
 
 #[embassy_executor::task]
 async fn repeat(line: Rs485) {
@@ -69,9 +69,10 @@ fn main() -> ! {
         pins.PD0,
         pins.PD1,
         pins.PD2,
+        Irqs,
         settings,
     );
-    executor::run(|spawner| spawner.spawn(repeat(line).unwrap()))
+    executor::run(Irqs, |spawner| spawner.spawn(repeat(line).unwrap()))
 }
 
 #[panic_handler]

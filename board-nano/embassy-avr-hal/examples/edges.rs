@@ -10,9 +10,13 @@ use core::task::Poll;
 
 use critical_section::Mutex;
 use embassy_avr_hal::gpio::{Input, Output, PB0, PB1, Pins};
-use embassy_avr_hal::{executor, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_sync::waitqueue::AtomicWaker;
 use embedded_hal::digital::StatefulOutputPin;
+
+bind_interrupts!(
+    struct Irqs {}
+);
 
 static EDGES: Mutex<Cell<u8>> = Mutex::new(Cell::new(0));
 static EDGE: AtomicWaker = AtomicWaker::new();
@@ -52,7 +56,7 @@ fn main() -> ! {
     chip.EXINT.pcmsk0().write(|w| w.pcint().set(1));
     chip.EXINT.pcicr().write(|w| w.pcie().set(1));
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    executor::run(|spawner| {
+    executor::run(Irqs, |spawner| {
         spawner.spawn(follow(Input::new(pins.PB0, true), Output::new(pins.PB1, false)).unwrap());
     })
 }

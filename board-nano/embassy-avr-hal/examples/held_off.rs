@@ -7,7 +7,7 @@
 use embassy_avr_hal::edge::EdgeInput;
 use embassy_avr_hal::gpio::{Input, PD2, PD3, Pins};
 use embassy_avr_hal::usart::{Settings, Usart0};
-use embassy_avr_hal::{bind_edges, bind_usart0, executor, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embedded_hal::digital::InputPin;
 use embedded_hal_async::digital::Wait;
 use multidrop::protocol::format::LineFormat;
@@ -35,8 +35,7 @@ type Rs485 = Usart0<PD2, CLOCK_HZ>;
 type Port = multidrop::ServerPort<Rs485, Counted<EVENTS>>;
 type Model = Shared<Conformance<0>>;
 
-bind_usart0!(Rs485);
-bind_edges!(Edges: INT1);
+bind_interrupts!(struct Irqs { USART0 => Rs485; INT1; });
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
@@ -50,7 +49,7 @@ async fn serve(port: &'static Port, model: &'static Model) -> ! {
 
 #[embassy_executor::task]
 async fn hold_off(input: Input<PD3>) {
-    let mut input = EdgeInput::new(input, Edges);
+    let mut input = EdgeInput::new(input, Irqs);
     loop {
         let Ok(()) = input.wait_for_low().await;
         critical_section::with(|_| while input.is_low() == Ok(true) {});
@@ -73,6 +72,7 @@ fn main() -> ! {
         pins.PD0,
         pins.PD1,
         pins.PD2,
+        Irqs,
         settings,
     );
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
@@ -81,7 +81,7 @@ fn main() -> ! {
         ConstStaticCell::new(Shared::new(Conformance::new("nano")));
     let model = MODEL.take();
     let input = Input::new(pins.PD3, true);
-    executor::run(|spawner| {
+    executor::run(Irqs, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port, model).unwrap());
         spawner.spawn(hold_off(input).unwrap());

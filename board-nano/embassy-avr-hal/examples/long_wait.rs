@@ -5,11 +5,11 @@
 #![feature(abi_avr_interrupt)]
 
 use embassy_avr_hal::gpio::{Output, PB0, Pins};
-use embassy_avr_hal::{bind_time, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_time::{Duration, Ticker};
 use embedded_hal::digital::StatefulOutputPin;
 
-bind_time!(16_000_000, slots = 1, begin = (1 << 32) - 1_000_000);
+bind_interrupts!(struct Irqs { TIME => 16_000_000, slots = 1, begin = (1 << 32) - 1_000_000; });
 
 #[embassy_executor::task]
 async fn wait(mut out: Output<PB0>) {
@@ -24,7 +24,9 @@ async fn wait(mut out: Output<PB0>) {
 fn main() -> ! {
     let chip = pac::Peripherals::take().unwrap();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    run_with_time(|spawner| spawner.spawn(wait(Output::new(pins.PB0, false)).unwrap()))
+    executor::run(Irqs, |spawner| {
+        spawner.spawn(wait(Output::new(pins.PB0, false)).unwrap())
+    })
 }
 
 #[panic_handler]

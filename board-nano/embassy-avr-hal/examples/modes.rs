@@ -13,7 +13,7 @@
 
 use embassy_avr_hal::gpio::{Input, Output, PB0, PB1, PB2, PD2, PD3, PD4, PD5, Pins};
 use embassy_avr_hal::usart::{RtuAndAscii, Settings, Usart0};
-use embassy_avr_hal::{bind_time, bind_usart0, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_time::Timer;
 use embedded_hal::digital::{InputPin, OutputPin, StatefulOutputPin};
 use multidrop::protocol::data::RegistersOut;
@@ -42,8 +42,7 @@ type Rs485 = Usart0<PD2, CLOCK_HZ, RtuAndAscii>;
 type Port = ManagedPort<Rs485, PortRegisters<Bank<COUNT>, NoCoils, NoRules>>;
 // ANCHOR_END: port
 
-bind_usart0!(Rs485);
-bind_time!(CLOCK_HZ);
+bind_interrupts!(struct Irqs { USART0 => Rs485; TIME => CLOCK_HZ; });
 
 // ANCHOR: tasks
 #[embassy_executor::task]
@@ -159,6 +158,7 @@ fn main() -> ! {
         pins.PD0,
         pins.PD1,
         pins.PD2,
+        Irqs,
         settings,
     );
 
@@ -178,7 +178,7 @@ fn main() -> ! {
     let well = Output::new(pins.PB1, false);
     let badly = Output::new(pins.PB2, false);
     let changing = Output::new(pins.PB0, false);
-    run_with_time(|spawner| {
+    executor::run(Irqs, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(run(port).unwrap());
         spawner.spawn(ask(port, well, badly).unwrap());

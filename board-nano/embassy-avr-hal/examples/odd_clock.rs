@@ -5,11 +5,11 @@
 #![feature(abi_avr_interrupt)]
 
 use embassy_avr_hal::gpio::{Output, PB0, PB1, Pins};
-use embassy_avr_hal::{bind_time, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_time::{Duration, Ticker, Timer};
 use embedded_hal::digital::StatefulOutputPin;
 
-bind_time!(11_059_200, slots = 2);
+bind_interrupts!(struct Irqs { TIME => 11_059_200, slots = 2; });
 
 #[embassy_executor::task]
 async fn beat(mut out: Output<PB0>) {
@@ -34,7 +34,7 @@ async fn wait(mut out: Output<PB1>) {
 fn main() -> ! {
     let chip = pac::Peripherals::take().unwrap();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    run_with_time(|spawner| {
+    executor::run(Irqs, |spawner| {
         spawner.spawn(beat(Output::new(pins.PB0, false)).unwrap());
         spawner.spawn(wait(Output::new(pins.PB1, false)).unwrap());
     })

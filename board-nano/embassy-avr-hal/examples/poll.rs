@@ -6,7 +6,7 @@
 
 use embassy_avr_hal::gpio::{Output, PB5, PD2, Pins};
 use embassy_avr_hal::usart::{Settings, Usart0};
-use embassy_avr_hal::{bind_time, bind_usart0, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_time::Timer;
 use embedded_hal::digital::OutputPin;
 use multidrop::poll::{PollEntry, PollList};
@@ -25,8 +25,7 @@ type Rs485 = Usart0<PD2, CLOCK_HZ>;
 type Port = ClientPort<Rs485, 1>;
 type List = PollList<3, 33>;
 
-bind_usart0!(Rs485);
-bind_time!(CLOCK_HZ);
+bind_interrupts!(struct Irqs { USART0 => Rs485; TIME => CLOCK_HZ; });
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
@@ -64,6 +63,7 @@ fn main() -> ! {
         pins.PD0,
         pins.PD1,
         pins.PD2,
+        Irqs,
         settings,
     );
 
@@ -76,7 +76,7 @@ fn main() -> ! {
         PollEntry::holding_registers(1, 15, 1).period_ms(1),
     ]));
     let led = Output::new(pins.PB5, false);
-    run_with_time(|spawner| {
+    executor::run(Irqs, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(read(port, list).unwrap());
         spawner.spawn(show(list, led).unwrap());

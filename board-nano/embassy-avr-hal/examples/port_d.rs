@@ -16,7 +16,7 @@ use embassy_avr_hal::gpio::{
     Input, Output, PB0, PB1, PB2, PB3, PB4, PC0, PD2, PD3, PD4, PD5, PD6, Pins,
 };
 use embassy_avr_hal::usart::{Settings, Usart0};
-use embassy_avr_hal::{bind_edges, bind_usart0, executor, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embedded_hal::digital::StatefulOutputPin;
 use embedded_hal_async::digital::Wait;
 use multidrop::protocol::format::LineFormat;
@@ -41,16 +41,14 @@ const PORT: PortConfig = PortConfig::new("RS4")
 
 type Rs485 = Usart0<PC0, CLOCK_HZ>;
 
-bind_usart0!(Rs485);
-
-bind_edges!(Edges: INT0, INT1, PCINT2);
+bind_interrupts!(struct Irqs { USART0 => Rs485; INT0; INT1; PCINT2; });
 
 macro_rules! follow {
     ($($name:ident: $input:ident, $output:ident, $wait:ident;)*) => {
         $(
             #[embassy_executor::task]
             async fn $name(input: Input<$input>, mut output: Output<$output>) {
-                let mut input = EdgeInput::new(input, Edges);
+                let mut input = EdgeInput::new(input, Irqs);
                 loop {
                     let Ok(()) = input.$wait().await;
                     let Ok(()) = output.toggle();
@@ -69,7 +67,7 @@ follow! {
 
 #[embassy_executor::task]
 async fn follow_level(input: Input<PD6>, mut output: Output<PB4>) {
-    let mut input = EdgeInput::new(input, Edges);
+    let mut input = EdgeInput::new(input, Irqs);
     loop {
         let Ok(()) = input.wait_for_high().await;
         output.high();
@@ -105,11 +103,12 @@ fn main() -> ! {
         pins.PD0,
         pins.PD1,
         pins.PC0,
+        Irqs,
         settings,
     );
     static PORT_CELL: StaticCell<ServerPort<Rs485>> = StaticCell::new();
     let port = PORT_CELL.init(ServerPort::new(line, &PORT));
-    executor::run(|spawner| {
+    executor::run(Irqs, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port).unwrap());
         let (input, output) = (Input::new(pins.PD2, true), Output::new(pins.PB0, false));

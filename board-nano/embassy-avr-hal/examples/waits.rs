@@ -6,15 +6,15 @@
 mod beats;
 
 use embassy_avr_hal::gpio::Pins;
-use embassy_avr_hal::{bind_time, pac};
+use embassy_avr_hal::{bind_interrupts, executor, pac};
 
-bind_time!(16_000_000, slots = 5, begin = (1 << 32) - 1_000_000);
+bind_interrupts!(struct Irqs { TIME => 16_000_000, slots = 5, begin = (1 << 32) - 1_000_000; });
 
 #[avr_device::entry]
 fn main() -> ! {
     let chip = pac::Peripherals::take().unwrap();
     let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    run_with_time(|spawner| beats::spawn(spawner, pins))
+    executor::run(Irqs, |spawner| beats::spawn(spawner, pins))
 }
 
 #[panic_handler]

@@ -15,8 +15,8 @@
 //! An application that enables PCIE2 by itself is not supported: the line no longer sees start bits then, and takes frames
 //! with permitted gaps for damaged ones. Ports B and C are free for it.
 //!
-//! The application binds the interrupts of its pins by [`bind_edges!`](crate::bind_edges), which defines a type, gives that type and an
-//! [`Input`] to [`EdgeInput::new`], and awaits edges and levels: see the example `changes`.
+//! The application binds the interrupts of its pins by [`bind_interrupts!`](crate::bind_interrupts), which defines a token, gives
+//! that token and an [`Input`] to [`EdgeInput::new`], and awaits edges and levels: see the example `changes`.
 
 mod external;
 mod port_d;
@@ -69,13 +69,13 @@ mod sealed {
     pub trait Sealed {}
 }
 
-/// Says that the interrupt of a source is bound. [`bind_edges!`](crate::bind_edges) implements it.
+/// Says that the interrupt of a source is bound. [`bind_interrupts!`](crate::bind_interrupts) implements it.
 ///
 /// # Safety
 /// The handler of `S` has to be in the binary.
 #[diagnostic::on_unimplemented(
-    message = "the interrupt of {S} is not bound: name INT0 for PD2, INT1 for PD3, PCINT2 for PD4 to PD7 in bind_edges!",
-    label = "this pin needs an interrupt that bind_edges! has not bound"
+    message = "the interrupt of {S} is not bound: name INT0 for PD2, INT1 for PD3, PCINT2 for PD4 to PD7 in bind_interrupts!",
+    label = "this pin needs an interrupt that `{Self}` does not bind"
 )]
 pub unsafe trait Bound<S: Source> {}
 
@@ -173,7 +173,7 @@ pub(crate) fn wake_if(flags: u8) {
 pub struct EdgeInput<P: EdgePin>(Input<P>);
 
 impl<P: EdgePin> EdgeInput<P> {
-    /// Takes an input, and the type that [`bind_edges!`](crate::bind_edges) has defined.
+    /// Takes an input, and the token that the interrupt of its pin is bound.
     pub fn new(input: Input<P>, _: impl Bound<P::Source>) -> Self {
         Self(input)
     }
@@ -259,56 +259,4 @@ impl<P: EdgePin> Wait for EdgeInput<P> {
         self.edge(Armed::new(Edge::Any)).await;
         Ok(())
     }
-}
-
-/// Binds interrupts of [`edge`](crate::edge) and defines the type that says so, which
-/// [`EdgeInput::new`](crate::edge::EdgeInput::new) asks for: `bind_edges!(Edges: INT0, INT1, PCINT2)`, or some of the three (DS
-/// 12.4: vectors 1, 2 and 5, counted from 0).
-#[macro_export]
-macro_rules! bind_edges {
-    ($name:ident: $($source:ident),+ $(,)?) => {
-        #[doc(hidden)]
-        #[derive(Clone, Copy)]
-        pub struct $name;
-
-        #[doc(hidden)]
-        mod edge_interrupts {
-            $($crate::bind_edges!(@handler $source);)+
-        }
-
-        $($crate::bind_edges!(@bound $name $source);)+
-    };
-    (@handler INT0) => {
-        #[unsafe(no_mangle)]
-        extern "avr-interrupt" fn __vector_1() {
-            // SAFETY: INT0.
-            unsafe { $crate::edge::Int0::on_edge() }
-        }
-    };
-    (@handler INT1) => {
-        #[unsafe(no_mangle)]
-        extern "avr-interrupt" fn __vector_2() {
-            // SAFETY: INT1.
-            unsafe { $crate::edge::Int1::on_edge() }
-        }
-    };
-    (@handler PCINT2) => {
-        #[unsafe(no_mangle)]
-        extern "avr-interrupt" fn __vector_5() {
-            // SAFETY: PCINT2.
-            unsafe { $crate::edge::PortD::on_change() }
-        }
-    };
-    (@bound $name:ident INT0) => {
-        // SAFETY: bound above.
-        unsafe impl $crate::edge::Bound<$crate::edge::Int0> for $name {}
-    };
-    (@bound $name:ident INT1) => {
-        // SAFETY: bound above.
-        unsafe impl $crate::edge::Bound<$crate::edge::Int1> for $name {}
-    };
-    (@bound $name:ident PCINT2) => {
-        // SAFETY: bound above.
-        unsafe impl $crate::edge::Bound<$crate::edge::PortD> for $name {}
-    };
 }

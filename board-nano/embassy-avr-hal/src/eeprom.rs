@@ -1,8 +1,8 @@
 //! The EEPROM: 1024 bytes, written in the background (DS 8.4).
 //!
 //! A byte takes 3.4 ms to write; the EEPROM-ready interrupt wakes the task for the next one. Bytes
-//! that hold the right value already are skipped: each cell stands 100 000 writes. Interrupts are bound
-//! by [`bind_eeprom!`](crate::bind_eeprom).
+//! that hold the right value already are skipped: each cell stands 100 000 writes. The interrupt is bound by `EEPROM` in
+//! [`bind_interrupts!`](crate::bind_interrupts).
 
 use core::arch::asm;
 use core::future::poll_fn;
@@ -31,14 +31,24 @@ pub struct OutOfRange {
     pub len: usize,
 }
 
+/// Says that the interrupt of the EEPROM is bound. [`bind_interrupts!`](crate::bind_interrupts) implements it.
+///
+/// # Safety
+/// The handler has to be in the binary.
+#[diagnostic::on_unimplemented(
+    message = "the interrupt of the EEPROM is not bound: name EEPROM in bind_interrupts!",
+    label = "writing needs an interrupt that `{Self}` does not bind"
+)]
+pub unsafe trait Bound {}
+
 /// The EEPROM of the chip.
 pub struct Eeprom {
     registers: EEPROM,
 }
 
 impl Eeprom {
-    /// Takes the peripheral.
-    pub fn new(registers: EEPROM) -> Self {
+    /// Takes the peripheral, and the token that its interrupt is bound.
+    pub fn new(registers: EEPROM, _: impl Bound) -> Self {
         Self { registers }
     }
 
@@ -113,7 +123,7 @@ impl Eeprom {
         self.registers.eecr().write(|w| unsafe { w.bits(bits) });
     }
 
-    /// For [`bind_eeprom!`](crate::bind_eeprom).
+    /// For [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the EE READY interrupt only.
@@ -143,19 +153,4 @@ fn check(address: u16, len: usize) -> Result<(), OutOfRange> {
         return Err(OutOfRange { address, len });
     }
     Ok(())
-}
-
-/// Binds the EE READY interrupt (DS 12.4: vector 22, counted from 0).
-#[macro_export]
-macro_rules! bind_eeprom {
-    () => {
-        #[doc(hidden)]
-        mod eeprom_interrupt {
-            #[unsafe(no_mangle)]
-            extern "avr-interrupt" fn __vector_22() {
-                // SAFETY: EE READY.
-                unsafe { $crate::eeprom::Eeprom::on_ready() }
-            }
-        }
-    };
 }

@@ -11,11 +11,9 @@ use core::cell::UnsafeCell;
 
 use embassy_executor::{Spawner, raw};
 use embassy_sync::waitqueue::WakerRegistration;
-use multidrop::Roll;
 
-use crate::watchdog::Fed;
-
-use crate::edge;
+use crate::interrupts::{Interrupts, Unwatched};
+use crate::{edge, watchdog};
 
 /// GPIOR0 (DS 8.6.6) is in reach of `sbi` and `sbic`: setting a flag is one instruction, in interrupts
 /// too.
@@ -27,9 +25,9 @@ pub(crate) const TIME: u8 = 1 << 3;
 /// An edge has come that a task waits for.
 pub(crate) const EDGE: u8 = 1 << 4;
 
-/// The bit of the flag by which the watchdog's interrupt has the roll called.
+/// The bit of the flag by which the watchdog's interrupt says that a half of its time is over.
 #[cfg(not(feature = "bare"))]
-pub(crate) const ROLL_BIT: u8 = 4;
+pub(crate) const WATCHDOG_BIT: u8 = 4;
 
 /// Sets one flag.
 #[inline(always)]
@@ -85,35 +83,40 @@ fn pender(_context: *mut ()) {
     set(WORK);
 }
 
-/// Runs tasks for ever. `init` spawns the first of them; interrupts are enabled after it.
+/// Runs tasks for ever. `init` spawns the first of them; interrupts are enabled after it, and the time begins before it where the
+/// token binds `TIME`.
 ///
-/// To be called once, from `main`.
-pub fn run(init: impl FnOnce(Spawner)) -> ! {
-    run_with(init, |_| ())
+/// To be called once, from `main`, with the token of [`bind_interrupts!`](crate::bind_interrupts). One that binds `WATCHDOG` is for
+/// [`run_watched`].
+#[inline(always)]
+pub fn run<I: Interrupts + Unwatched>(_: I, init: impl FnOnce(Spawner)) -> ! {
+    I::start();
+    run_with(init, I::serve)
 }
 
-/// The same, and the watchdog's interrupt has `roll` called.
+/// [`run`] beside the watchdog: `on_half` is called whenever half of its time is over, and has to see to it that it is
+/// [fed](watchdog::feed).
 #[inline(always)]
-pub fn run_on_roll<W: Fed, const N: usize>(
-    roll: &'static Roll<W, N>,
+pub fn run_watched<I: Interrupts + watchdog::Bound>(
+    _: I,
     init: impl FnOnce(Spawner),
+    on_half: impl Fn(),
 ) -> ! {
-    run_with(init, |flags| see_to_roll(roll, flags))
+    I::start();
+    run_with(init, |flags| {
+        I::serve(flags);
+        #[cfg(not(feature = "bare"))]
+        if flags & 1 << WATCHDOG_BIT != 0 {
+            on_half();
+        }
+        #[cfg(feature = "bare")]
+        let _ = &on_half;
+    })
 }
 
-/// Calls the roll if that is asked for.
+/// Runs tasks for ever. `see_to` is given the flags before tasks are run.
 #[inline(always)]
-pub(crate) fn see_to_roll<W: Fed, const N: usize>(roll: &Roll<W, N>, flags: u8) {
-    #[cfg(not(feature = "bare"))]
-    if W::IS_ON && flags & 1 << ROLL_BIT != 0 {
-        roll.call();
-    }
-    let _ = (roll, flags);
-}
-
-/// The same, and `see_to` is given the flags before tasks are run.
-#[inline(always)]
-pub(crate) fn run_with(init: impl FnOnce(Spawner), see_to: impl Fn(u8)) -> ! {
+fn run_with(init: impl FnOnce(Spawner), see_to: impl Fn(u8)) -> ! {
     let executor = raw::Executor::new(core::ptr::null_mut());
     // SAFETY: this function never returns, so what lives in its frame lives for ever.
     let executor: &'static raw::Executor = unsafe { core::mem::transmute(&executor) };

@@ -1,7 +1,7 @@
 //! What becomes of a panic and of an interrupt that nobody handles, and why the chip has started.
 //!
 //! A panic is a call of `abort`, avr-libc's of which stands still for ever: with interrupts off, where the interrupt panics
-//! that sends, DE stays up. [`bind_usart0!`](crate::bind_usart0) defines another: interrupts off, DE low, and a reset by the
+//! that sends, DE stays up. [`bind_interrupts!`](crate::bind_interrupts) defines another where it binds `USART0`: interrupts off, DE low, and a reset by the
 //! watchdog 16 ms later; if the watchdog is off, silence for ever. An interrupt without a handler comes there too, where
 //! avr-libc starts the program anew with the peripherals as they are.
 //!

@@ -3,6 +3,7 @@
 //! | module | gives |
 //! |---|---|
 //! | [`executor`] | an executor that truly sleeps when idle and loses no wake-up |
+//! | [`interrupts`] | the token of what is bound, by [`bind_interrupts!`] |
 //! | [`usart`] | the USART as a [`Line`](multidrop::Line): frames by silence, DE, no task woken per byte |
 //! | [`time`] | a driver for `embassy-time`, linked only where it is bound |
 //! | [`gpio`] | pins with the `embedded-hal` 1.0 traits |
@@ -28,6 +29,7 @@ pub mod executor;
 #[cfg(not(feature = "bare"))]
 pub mod fault;
 pub mod gpio;
+pub mod interrupts;
 #[cfg(not(feature = "bare"))]
 pub mod stack;
 pub mod time;

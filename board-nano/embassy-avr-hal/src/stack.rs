@@ -48,7 +48,7 @@ fn byte(offset: usize) -> u8 {
 #[inline(always)]
 pub(crate) fn check() {
     if byte(0) != PAINT || byte(1) != PAINT {
-        // SAFETY: `bind_usart0!` defines it so that it can be called anywhere.
+        // SAFETY: `bind_interrupts!` defines it so that it can be called anywhere.
         unsafe { abort() }
     }
 }

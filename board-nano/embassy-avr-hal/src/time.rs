@@ -1,8 +1,8 @@
 //! A driver for `embassy-time` on Timer1's compare A.
 //!
-//! It is linked only into a binary that binds it with [`bind_time!`](crate::bind_time). Alarms are
-//! kept in a few slots, one for each task that waits ([`SLOTS`] if not said otherwise); 64-bit arithmetic is left to the
-//! conversions that `embassy-time` itself makes.
+//! It is linked only into a binary that names `TIME` in [`bind_interrupts!`](crate::bind_interrupts). Alarms are kept in a few
+//! slots, one for each task that waits ([`SLOTS`] if not said otherwise); 64-bit arithmetic is left to the conversions that
+//! `embassy-time` itself makes.
 //! The tick of `embassy-time` (its `tick-hz-...` feature) is scaled from the timer's with a
 //! remainder, so no time is lost at clocks such as 11.0592 MHz.
 //!
@@ -19,9 +19,8 @@ use multidrop::protocol::message::Message;
 
 use crate::executor::{self, TIME};
 use crate::timer1::{self, OCF1A, PRESCALER, TOV1};
-use crate::watchdog::Fed;
 
-/// How many tasks may wait at a time, if [`bind_time!`](crate::bind_time) is not told otherwise; 8 bytes of RAM each. A task
+/// How many tasks may wait at a time, if [`bind_interrupts!`](crate::bind_interrupts) is not told otherwise; 8 bytes of RAM each. A task
 /// counts once, however many timers it waits for. One that finds no free slot is woken at once and tries again: it is
 /// in time all the same, but meanwhile the CPU does not sleep.
 pub const SLOTS: usize = 4;
@@ -78,15 +77,15 @@ impl<const CLOCK_HZ: u32, const SLOTS: usize> TimeDriver<CLOCK_HZ, SLOTS> {
 
     const SLOTS_FIT: () = if SLOTS == 0 || SLOTS > SLOTS_MAX {
         Message::new()
-            .text("bind_time: slots is ")
+            .text("TIME: slots is ")
             .number(SLOTS as u32)
             .text(", must be 1..=")
             .number(SLOTS_MAX as u32)
             .fail()
     };
 
-    /// A driver for a `static`, whose time begins at `begin` ticks of `embassy-time`; see
-    /// [`bind_time!`](crate::bind_time).
+    /// A driver for a `static`, whose time begins at `begin` ticks of `embassy-time`; for
+    /// [`bind_interrupts!`](crate::bind_interrupts).
     #[doc(hidden)]
     pub const fn new(begin: u64) -> Self {
         const { Self::SCALE_FITS }
@@ -98,32 +97,21 @@ impl<const CLOCK_HZ: u32, const SLOTS: usize> TimeDriver<CLOCK_HZ, SLOTS> {
         }
     }
 
-    /// Starts the time and runs tasks for ever, as [`executor::run`].
+    /// The time begins.
     #[doc(hidden)]
-    pub fn run(&self, init: impl FnOnce(Spawner)) -> ! {
-        self.run_with(init, |_| ())
-    }
-
-    /// The same, as [`executor::run_on_roll`].
-    #[doc(hidden)]
-    pub fn run_on_roll<W: Fed, const N: usize>(
-        &self,
-        roll: &'static Roll<W, N>,
-        init: impl FnOnce(Spawner),
-    ) -> ! {
-        self.run_with(init, |flags| executor::see_to_roll(roll, flags))
-    }
-
     #[inline(always)]
-    fn run_with(&self, init: impl FnOnce(Spawner), see_to: impl Fn(u8)) -> ! {
+    pub fn start(&self) {
         timer1::start();
         critical_section::with(|_| timer1::enable(TOV1));
-        executor::run_with(init, |flags| {
-            if flags & TIME != 0 {
-                self.serve_alarms();
-            }
-            see_to(flags);
-        })
+    }
+
+    /// Serves the alarms if the executor's flags say so.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn serve(&self, flags: u8) {
+        if flags & TIME != 0 {
+            self.serve_alarms();
+        }
     }
 
     /// One turn of the timer is over.
@@ -282,7 +270,7 @@ const fn common(mut a: u32, mut b: u32) -> u32 {
 pub const fn check_slots(slots: usize, tasks: usize) {
     if tasks > slots {
         Message::new()
-            .text("bind_time: slots is ")
+            .text("TIME: slots is ")
             .number(slots as u32)
             .text(", must be at least ")
             .number(tasks as u32)
@@ -291,85 +279,5 @@ pub const fn check_slots(slots: usize, tasks: usize) {
     }
 }
 
-/// Makes `embassy-time` work in this binary, at a CPU clock of the given Hz: defines the driver and binds its
-/// two interrupts (DS 12.4: vectors 11 and 13, counted from 0). It defines `run_with_time(init)`, which stands in for
-/// [`executor::run`](crate::executor::run()): the time begins with it.
-///
-/// | written | gives |
-/// |---|---|
-/// | `bind_time!(CLOCK_HZ)` | [`SLOTS`](crate::time::SLOTS) slots |
-/// | `bind_time!(CLOCK_HZ, slots = 6)` | room for six tasks that wait at a time, 1..=32 |
-/// | `bind_time!(CLOCK_HZ, tasks = [poll, blink])` | a slot for each of these tasks |
-/// | `bind_time!(CLOCK_HZ, slots = 2, tasks = [poll, blink])` | the same, and a build error where more tasks are named than there are slots |
-///
-/// Name every task that waits for a time, which those do that ask as a client: a compiler cannot see it by itself. A
-/// task with a `pool_size` is named that many times.
-#[macro_export]
-macro_rules! bind_time {
-    ($clock_hz:expr $(,)?) => {
-        $crate::bind_time!($clock_hz, slots = $crate::time::SLOTS);
-    };
-    ($clock_hz:expr, tasks = [$($task:path),+ $(,)?] $(,)?) => {
-        $crate::bind_time!($clock_hz, slots = [$(stringify!($task)),+].len(), tasks = [$($task),+]);
-    };
-    ($clock_hz:expr, slots = $slots:expr, tasks = [$($task:path),+ $(,)?] $(,)?) => {
-        const _: () = {
-            // Each is a function of this binary.
-            $(let _ = $task;)+
-            $crate::time::check_slots($slots, [$(stringify!($task)),+].len());
-        };
-        $crate::bind_time!($clock_hz, slots = $slots);
-    };
-    ($clock_hz:expr, slots = $slots:expr $(,)?) => {
-        $crate::bind_time!(@driver $clock_hz, $slots, 0);
-    };
-    // For tests: the time begins at this tick.
-    ($clock_hz:expr, slots = $slots:expr, begin = $begin:expr) => {
-        $crate::bind_time!(@driver $clock_hz, $slots, $begin);
-    };
-    (@driver $clock_hz:expr, $slots:expr, $begin:expr) => {
-        #[allow(unused_imports)]
-        use time_interrupts::{run_with_time, run_with_time_on_roll};
-
-        #[doc(hidden)]
-        mod time_interrupts {
-            use super::*;
-
-            $crate::time::time_driver_impl!(
-                static DRIVER: $crate::time::TimeDriver<{ $clock_hz }, { $slots }> =
-                    $crate::time::TimeDriver::new($begin)
-            );
-
-            #[allow(dead_code)]
-            pub fn run_with_time(init: impl FnOnce($crate::time::Spawner)) -> ! {
-                DRIVER.run(init)
-            }
-
-            #[allow(dead_code)]
-            pub fn run_with_time_on_roll<W: $crate::watchdog::Fed, const N: usize>(
-                roll: &'static $crate::time::Roll<W, N>,
-                init: impl FnOnce($crate::time::Spawner),
-            ) -> ! {
-                DRIVER.run_on_roll(roll, init)
-            }
-
-            #[unsafe(no_mangle)]
-            extern "avr-interrupt" fn __vector_11() {
-                // SAFETY: TIMER1_COMPA.
-                unsafe { DRIVER.on_alarm() }
-            }
-
-            #[unsafe(no_mangle)]
-            extern "avr-interrupt" fn __vector_13() {
-                // SAFETY: TIMER1_OVF.
-                unsafe { DRIVER.on_overflow() }
-            }
-        }
-    };
-}
-
 #[doc(hidden)]
-pub use embassy_executor::Spawner;
 pub use embassy_time_driver::time_driver_impl;
-#[doc(hidden)]
-pub use multidrop::Roll;

@@ -1,38 +1,40 @@
-//! The watchdog (DS 11.8, 11.9.2), fed by a [roll](multidrop::roll) of tasks.
+//! The watchdog (DS 11.8, 11.9.2).
 //!
-//! It runs in its interrupt-and-reset mode with half of its time: when a half is over its interrupt has the executor call the
-//! roll, and when all tasks have signed the interrupt is armed again. If they have not when the next half is over, the chip
-//! is reset; so it is if interrupts are off. It needs no timer and costs an interrupt of some cycles in each half.
+//! It runs in its interrupt-and-reset mode with half of its time: when a half is over its interrupt has the executor call what
+//! [`run_watched`](crate::executor::run_watched) was given, and [`feed`] arms the interrupt again. If that was not called when the
+//! next half is over, the chip is reset; so it is if interrupts are off. It needs no timer and costs an interrupt of some cycles
+//! in each half.
 //!
 //! A frame that a task keeps for longer than the longest frame takes and the watchdog's time withholds the feeding.
 //!
 //! The old boot loader of Nanos (ATmegaBOOT) does not turn the watchdog off that runs after its reset, and loops for ever:
 //! with that one it must not be used.
 
-use core::task::Waker;
-
-use embassy_executor::raw::{TaskRef, task_from_waker, wake_task};
-use embassy_sync::blocking_mutex::raw::RawMutex;
 use multidrop::protocol::message::Message;
 
 use crate::timer1::PRESCALER;
 
-#[doc(hidden)]
-pub use multidrop::roll::Watchdog as Fed;
 #[cfg(not(feature = "bare"))]
-#[doc(hidden)]
 pub use running::feed;
 #[cfg(not(feature = "bare"))]
 pub(crate) use running::{frame_is_back, half_is_over, hasten};
 
 /// Nothing to feed.
-#[doc(hidden)]
 #[cfg(feature = "bare")]
 pub fn feed() {}
 
-/// Not where the image is built without guards.
-#[doc(hidden)]
+/// Whether there is a watchdog: not where the image is built without guards.
 pub const CAN_RUN: bool = !cfg!(feature = "bare");
+
+/// Says that the watchdog's interrupt is bound. [`bind_interrupts!`](crate::bind_interrupts) implements it.
+///
+/// # Safety
+/// The handler has to be in the binary.
+#[diagnostic::on_unimplemented(
+    message = "the interrupt of the watchdog is not bound: name WATCHDOG in bind_interrupts!",
+    label = "`{Self}` does not bind it"
+)]
+pub unsafe trait Bound {}
 
 /// The times that there are, in ms.
 const TIMES_MS: [u32; 9] = [32, 64, 125, 250, 500, 1000, 2000, 4000, 8000];
@@ -72,50 +74,16 @@ impl Watchdog {
     }
 
     /// Half of the time in units of 1024 ticks of Timer1, an eighth less: the oscillator may be too fast. At most 8750.
-    #[doc(hidden)]
     pub const fn half(self, clock_hz: u32) -> u16 {
         (((clock_hz / PRESCALER / 1000 * 16 * 7 / 8) << self.step) / 1024) as u16
     }
 
-    /// Starts the watchdog. At the start of `main`, where interrupts are off, behind [`keep_cause`](crate::fault::keep_cause).
+    /// Starts the watchdog, whose interrupt the token binds. At the start of `main`, where interrupts are off, behind
+    /// [`keep_cause`](crate::fault::keep_cause).
     #[cfg(not(feature = "bare"))]
     #[inline(always)]
-    pub fn start(self) {
+    pub fn start(self, _: impl Bound) {
         running::start(self.step);
-    }
-}
-
-/// Keeps what tasks and the executor's loop use, one after the other, and no interrupt.
-#[doc(hidden)]
-pub struct OneExecutor;
-
-// SAFETY: there is one executor, and its tasks do not run within each other. `lock` is called by tasks and by the executor's
-// loop alone, and what it calls does not come back to it: see `Roll`.
-unsafe impl RawMutex for OneExecutor {
-    const INIT: Self = Self;
-
-    #[inline(always)]
-    fn lock<R>(&self, f: impl FnOnce() -> R) -> R {
-        f()
-    }
-}
-
-/// A task, in half the room of a waker.
-#[doc(hidden)]
-#[derive(Clone, Copy)]
-pub struct Task(TaskRef);
-
-impl Task {
-    /// The task of a waker, which is one of embassy-executor's.
-    #[inline(always)]
-    pub fn of(waker: &Waker) -> Self {
-        Self(task_from_waker(waker))
-    }
-
-    /// Wakes it.
-    #[inline(always)]
-    pub fn wake(self) {
-        wake_task(self.0);
     }
 }
 
@@ -202,52 +170,14 @@ mod running {
         unsafe { WDTCSR.write_volatile(WDTCSR.read_volatile() | WDIE) };
     }
 
-    /// WATCHDOG (DS 12.4: vector 6, counted from 0): has the executor call the roll.
+    /// WATCHDOG (DS 12.4: vector 6, counted from 0): has the executor call what feeds it.
     #[unsafe(naked)]
     #[unsafe(no_mangle)]
     extern "C" fn __vector_6() {
-        core::arch::naked_asm!("sbi 0x1E, {roll}", "reti", roll = const crate::executor::ROLL_BIT)
+        core::arch::naked_asm!(
+            "sbi 0x1E, {bit}",
+            "reti",
+            bit = const crate::executor::WATCHDOG_BIT,
+        )
     }
-}
-
-/// Defines `Dog`, the watchdog that a [`Roll`](multidrop::Roll) feeds, with this time, for a
-/// [`Usart0`](crate::usart::Usart0) type. The last argument says whether it is to run.
-#[macro_export]
-macro_rules! bind_watchdog {
-    ($line:ty, $time:expr, $is_on:expr) => {
-        /// The watchdog.
-        struct Dog;
-
-        impl Dog {
-            /// Its time.
-            const TIME: $crate::watchdog::Watchdog = $time;
-        }
-
-        impl $crate::watchdog::Fed for Dog {
-            const IS_ON: bool = $is_on && $crate::watchdog::CAN_RUN;
-
-            type Lock = $crate::watchdog::OneExecutor;
-            type Task = $crate::watchdog::Task;
-
-            #[inline(always)]
-            fn task(waker: &core::task::Waker) -> Self::Task {
-                $crate::watchdog::Task::of(waker)
-            }
-
-            #[inline(always)]
-            fn wake(task: Self::Task) {
-                task.wake();
-            }
-
-            #[inline(always)]
-            fn is_healthy() -> bool {
-                <$line>::half_is_over(const { Dog::TIME.half(<$line>::CLOCK_HZ) })
-            }
-
-            #[inline(always)]
-            fn feed() {
-                $crate::watchdog::feed();
-            }
-        }
-    };
 }

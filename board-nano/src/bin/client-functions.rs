@@ -41,9 +41,8 @@
 #![no_main]
 #![feature(abi_avr_interrupt)]
 
-use board_nano::{CLOCK_HZ, Rs485Option as Rs485, Watchdog, options, settings};
-use embassy_avr_hal::gpio::{Output, PB5, Pins};
-use embassy_avr_hal::{bind_time, bind_usart0, bind_watchdog};
+use board_nano::{CLOCK_HZ, Rs485Option as Rs485, bind_interrupts, options, settings};
+use embassy_avr_hal::gpio::{Output, PB5};
 use embassy_time::Timer;
 use multidrop::protocol::client::{
     Diagnostic, FileData, FileRange, GetEventCounter, GetEventLog, MaskWrite, Raw, ReadBits,
@@ -63,12 +62,10 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .framing(options::framing())
     .format(options::format(LineFormat::F8N1));
 
-bind_usart0!(Rs485);
-bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
-bind_time!(CLOCK_HZ);
+bind_interrupts!(struct Irqs { USART0 => Rs485; TIME => CLOCK_HZ; });
 
 /// The task that asks comes to an end.
-static ROLL: Roll<Dog, 1> = Roll::new();
+static ROLL: Roll<Irqs, 1> = Roll::new();
 
 /// One task asks.
 type Port = ClientPort<Rs485, 1>;
@@ -306,21 +303,13 @@ async fn ask(port: &'static Port, mut led: Output<PB5>) {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = board_nano::init(Dog::TIME);
-    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PD2,
-        const { settings(&PORT) },
-    );
+    let board = board_nano::init(Irqs);
+    let line = board.rs4.open(Irqs, const { settings(&PORT) });
 
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line));
-    let led = Output::new(pins.PB5, false);
-    run_with_time_on_roll(&ROLL, |spawner| {
+    let led = Output::new(board.pins.PB5, false);
+    board_nano::run(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(ask(port, led).unwrap());
     })

@@ -4,8 +4,7 @@
 #![feature(abi_avr_interrupt)]
 
 use board_nano::outputs::outputs;
-use board_nano::{Rs485, Watchdog, options, settings};
-use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins};
+use board_nano::{Rs485, bind_interrupts, options, settings};
 use multidrop::protocol::format::LineFormat;
 use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
 use multidrop_apps::demo_unit::DemoUnit;
@@ -18,11 +17,10 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .baud(options::baud(38_400))
     .format(options::format(LineFormat::F8N1));
 
-bind_usart0!(Rs485);
-bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
+bind_interrupts!(struct Irqs { USART0 => Rs485; });
 
 /// The tasks that have to be alive.
-static ROLL: Roll<Dog, 2> = Roll::new();
+static ROLL: Roll<Irqs, 2> = Roll::new();
 
 /// Takes frames from the line.
 #[embassy_executor::task]
@@ -41,20 +39,12 @@ async fn serve(port: &'static ServerPort<Rs485>) -> ! {
 // ANCHOR: main
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = board_nano::init(Dog::TIME);
-    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PD2,
-        const { settings(&PORT) },
-    );
+    let board = board_nano::init(Irqs);
+    let line = board.rs4.open(Irqs, const { settings(&PORT) });
 
     static PORT_CELL: StaticCell<ServerPort<Rs485>> = StaticCell::new();
     let port = PORT_CELL.init(ServerPort::new(line, &PORT));
-    executor::run_on_roll(&ROLL, |spawner| {
+    board_nano::run(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port).unwrap());
     })

@@ -6,8 +6,8 @@
 
 use avr_device::asm::delay_cycles;
 use avr_device::interrupt;
-use board_nano::{CLOCK_HZ, Rs485, Watchdog, options, settings};
-use embassy_avr_hal::{bind_usart0, bind_watchdog, executor, gpio::Pins, pac};
+use board_nano::{CLOCK_HZ, Rs485, bind_interrupts, options, settings};
+use embassy_avr_hal::pac;
 use multidrop::protocol::format::LineFormat;
 use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
 use multidrop_apps::faults::{Asked, Failure, Faults, keep, use_up_stack};
@@ -30,11 +30,10 @@ const INTO_THE_ANSWER: u32 = 17 * CHARACTER;
 const TXCIE: u8 = 1 << 6;
 const UDRIE: u8 = 1 << 5;
 
-bind_usart0!(Rs485);
-bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
+bind_interrupts!(struct Irqs { USART0 => Rs485; });
 
 /// The tasks that have to be alive.
-static ROLL: Roll<Dog, 3> = Roll::new();
+static ROLL: Roll<Irqs, 3> = Roll::new();
 
 #[embassy_executor::task]
 async fn receive(port: &'static ServerPort<Rs485>) -> ! {
@@ -123,24 +122,16 @@ extern "avr-interrupt" fn __vector_16() {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = board_nano::init(Dog::TIME);
-    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PD2,
-        const { settings(&PORT) },
-    );
+    let board = board_nano::init(Irqs);
+    let line = board.rs4.open(Irqs, const { settings(&PORT) });
 
     static ASKED: StaticCell<Asked> = StaticCell::new();
     let asked = ASKED.init(Asked::new());
     static PORT_CELL: StaticCell<ServerPort<Rs485>> = StaticCell::new();
     let port = PORT_CELL.init(ServerPort::new(line, &PORT));
-    executor::run_on_roll(&ROLL, |spawner| {
+    board_nano::run(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(serve(port, asked).unwrap());
-        spawner.spawn(fail(port, asked, chip.TC0, chip.TC2).unwrap());
+        spawner.spawn(fail(port, asked, board.TC0, board.TC2).unwrap());
     })
 }

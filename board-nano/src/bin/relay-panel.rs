@@ -17,9 +17,8 @@
 
 use core::cell::{Cell, RefCell};
 
-use board_nano::{CLOCK_HZ, Rs485, Watchdog, options, settings};
-use embassy_avr_hal::gpio::{Input, Output, PB5, PD3, PD4, PD5, PD6, Pins};
-use embassy_avr_hal::{bind_time, bind_usart0, bind_watchdog};
+use board_nano::{CLOCK_HZ, Rs485, bind_interrupts, options, settings};
+use embassy_avr_hal::gpio::{Input, Output, PB5, PD3, PD4, PD5, PD6};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Ticker, with_timeout};
@@ -53,12 +52,10 @@ const TOGGLE: u16 = 0x0300;
 const COUNT: usize = 2;
 const FIRST: u16 = 1;
 
-bind_usart0!(Rs485);
-bind_watchdog!(Rs485, Watchdog::DEFAULT, options::watchdog());
+bind_interrupts!(struct Irqs { USART0 => Rs485; TIME => CLOCK_HZ, tasks = [poll, press, buttons, error]; });
 
 /// The tasks that have to be alive: all.
-static ROLL: Roll<Dog, 5> = Roll::new();
-bind_time!(CLOCK_HZ, tasks = [poll, press, buttons, error]);
+static ROLL: Roll<Irqs, 5> = Roll::new();
 
 /// Two tasks ask.
 type Port = ClientPort<Rs485, 2>;
@@ -198,16 +195,8 @@ async fn error(panel: &'static Panel, mut led: Output<PB5>) -> ! {
 
 #[avr_device::entry]
 fn main() -> ! {
-    let chip = board_nano::init(Dog::TIME);
-    let pins = Pins::new(chip.PORTB, chip.PORTC, chip.PORTD);
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PD2,
-        const { settings(&PORT) },
-    );
+    let board = board_nano::init(Irqs);
+    let line = board.rs4.open(Irqs, const { settings(&PORT) });
 
     // ANCHOR: main
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
@@ -215,16 +204,19 @@ fn main() -> ! {
     static PANEL: StaticCell<Panel> = StaticCell::new();
     let panel = PANEL.init(Panel {
         client: port.client(READ),
-        leds: RefCell::new((Output::new(pins.PD5, false), Output::new(pins.PD6, false))),
+        leds: RefCell::new((
+            Output::new(board.pins.PD5, false),
+            Output::new(board.pins.PD6, false),
+        )),
         on: Cell::new(None),
         pressed: Signal::new(),
         failed: Signal::new(),
     });
     // ANCHOR_END: main
-    let first = Input::new(pins.PD3, true);
-    let second = Input::new(pins.PD4, true);
-    let led = Output::new(pins.PB5, false);
-    run_with_time_on_roll(&ROLL, |spawner| {
+    let first = Input::new(board.pins.PD3, true);
+    let second = Input::new(board.pins.PD4, true);
+    let led = Output::new(board.pins.PB5, false);
+    board_nano::run(&ROLL, |spawner| {
         spawner.spawn(receive(port).unwrap());
         spawner.spawn(press(panel).unwrap());
         spawner.spawn(poll(panel).unwrap());

@@ -72,7 +72,7 @@ macro_rules! external {
             }
 
             impl $name {
-                /// For [`bind_edges!`](crate::bind_edges).
+                /// For [`bind_interrupts!`](crate::bind_interrupts).
                 ///
                 /// # Safety
                 /// From the interrupt of this name only.

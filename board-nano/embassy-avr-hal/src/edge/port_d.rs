@@ -228,7 +228,7 @@ impl Source for PortD {
 }
 
 impl PortD {
-    /// For [`bind_edges!`](crate::bind_edges).
+    /// For [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the interrupt PCINT2 only.

@@ -24,7 +24,7 @@
 //! as an overrun. An answer that would have begun meanwhile begins behind it.
 //!
 //! Its interrupts wake tasks through [`executor::run`](crate::executor::run), which has to be the one that
-//! runs them. They are bound by one line in the binary, [`bind_usart0!`](crate::bind_usart0).
+//! runs them. They are bound by `USART0` in [`bind_interrupts!`](crate::bind_interrupts).
 
 mod character;
 mod registers;
@@ -57,6 +57,16 @@ fn with<R>(f: impl FnOnce(&mut State) -> R) -> R {
     })
 }
 
+/// Says that the interrupts of USART0 are bound to the line `L`. [`bind_interrupts!`](crate::bind_interrupts) implements it.
+///
+/// # Safety
+/// The handlers of `L` have to be in the binary.
+#[diagnostic::on_unimplemented(
+    message = "the interrupts of USART0 are not bound to this type of line: name it in bind_interrupts!, `USART0 => TYPE;`",
+    label = "`{Self}` does not bind them to `{L}`"
+)]
+pub unsafe trait Bound<L> {}
+
 /// USART0 on RXD and TXD, with a DE pin (or [`NoDe`](crate::gpio::NoDe)), at a CPU clock of `CLOCK_HZ`, for
 /// the framings `F`: [`RtuOnly`] if not said otherwise, or [`RtuAndAscii`].
 pub struct Usart0<DE, const CLOCK_HZ: u32, F = RtuOnly> {
@@ -67,8 +77,16 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
     /// Sets the line up: DE low, then receiver and transmitter on. The bus is not driven. It listens
     /// once interrupts are enabled and the bus was silent for t3.5.
     ///
-    /// The peripherals are taken so that nobody else has them.
-    pub fn new(_: USART0, _: &TC1, _: PD0, _: PD1, _: DE, settings: Settings<F>) -> Self {
+    /// The peripherals are taken so that nobody else has them, the token so that the interrupts are bound to this type.
+    pub fn new(
+        _: USART0,
+        _: &TC1,
+        _: PD0,
+        _: PD1,
+        _: DE,
+        _: impl Bound<Self>,
+        settings: Settings<F>,
+    ) -> Self {
         timer1::start();
         DE::init();
         // The output of the transceiver's receiver floats while DE is up. The pull-up stays the port's with RXEN on (DS 14.3.3,
@@ -80,7 +98,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         }
     }
 
-    /// For [`bind_usart0!`](crate::bind_usart0).
+    /// For [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the interrupt of this name only.
@@ -91,7 +109,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         unsafe { character::on_character::<DE, F>() }
     }
 
-    /// For [`bind_usart0!`](crate::bind_usart0).
+    /// For [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the interrupt of this name only.
@@ -102,7 +120,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         unsafe { &mut *SHARED.get() }.on_alarm::<DE, F>();
     }
 
-    /// For [`bind_usart0!`](crate::bind_usart0).
+    /// For [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the interrupt of this name only.
@@ -114,7 +132,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         machine.on_ready(&mut wire);
     }
 
-    /// For [`bind_usart0!`](crate::bind_usart0).
+    /// For [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the interrupt of this name only.
@@ -126,7 +144,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         machine.on_sent(&mut wire);
     }
 
-    /// For [`bind_usart0!`](crate::bind_usart0).
+    /// For [`bind_interrupts!`](crate::bind_interrupts).
     #[doc(hidden)]
     #[cfg(not(feature = "bare"))]
     #[inline(always)]
@@ -134,11 +152,11 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         crate::fault::abort::<DE>()
     }
 
-    /// The CPU clock, for [`bind_watchdog!`](crate::bind_watchdog).
+    /// The CPU clock, for who binds the watchdog.
     #[doc(hidden)]
     pub const CLOCK_HZ: u32 = CLOCK_HZ;
 
-    /// Half of the watchdog's time is over, for [`bind_watchdog!`](crate::bind_watchdog): whether no frame is lent for too long.
+    /// Half of the watchdog's time is over: whether no frame is lent for too long. For who binds the watchdog.
     #[doc(hidden)]
     #[inline(always)]
     pub fn half_is_over(half: u16) -> bool {
@@ -288,68 +306,4 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLO
     fn was_cut(&self) -> bool {
         with(|state| state.machine.was_cut())
     }
-}
-
-#[doc(hidden)]
-#[cfg(not(feature = "bare"))]
-#[macro_export]
-macro_rules! bind_faults {
-    ($line:ty) => {
-        /// What a panic calls.
-        #[unsafe(no_mangle)]
-        extern "C" fn abort() -> ! {
-            <$line>::abort()
-        }
-
-        /// What avr-libc's vector table has for an interrupt without a handler.
-        #[unsafe(no_mangle)]
-        extern "C" fn __vector_default() -> ! {
-            abort()
-        }
-    };
-}
-
-#[doc(hidden)]
-#[cfg(feature = "bare")]
-#[macro_export]
-macro_rules! bind_faults {
-    ($line:ty) => {};
-}
-
-/// Binds the four interrupts of the line (DS 12.4: vectors 12, 18, 19, 20, counted from 0) to a
-/// [`Usart0`](crate::usart::Usart0) type, and what becomes of a [fault](crate::fault).
-#[macro_export]
-macro_rules! bind_usart0 {
-    ($line:ty) => {
-        #[doc(hidden)]
-        mod usart0_interrupts {
-            use super::*;
-
-            $crate::bind_faults!($line);
-
-            #[unsafe(no_mangle)]
-            extern "avr-interrupt" fn __vector_12() {
-                // SAFETY: TIMER1_COMPB.
-                unsafe { <$line>::on_silence() }
-            }
-
-            #[unsafe(no_mangle)]
-            extern "avr-interrupt" fn __vector_18() {
-                // SAFETY: USART_RX.
-                unsafe { <$line>::on_character() }
-            }
-
-            #[unsafe(no_mangle)]
-            extern "avr-interrupt" fn __vector_19() {
-                // SAFETY: USART_UDRE.
-                unsafe { <$line>::on_ready() }
-            }
-
-            #[unsafe(no_mangle)]
-            extern "avr-interrupt" fn __vector_20() {
-                // SAFETY: USART_TX.
-                unsafe { <$line>::on_sent() }
-            }
-        }
-    };
 }

@@ -11,7 +11,7 @@ use board_stm32::usart::Usart;
 use board_stm32::{Roll, Watchdog};
 use embassy_time::{Duration, Timer};
 use multidrop::protocol::format::LineFormat;
-use multidrop::protocol::port_registers::{Flow, PortRegisters, Register};
+use multidrop::protocol::port_registers::{Flow, PortRegisters, Value};
 use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
 use multidrop::protocol::server::Counted;
 use multidrop::{
@@ -73,8 +73,8 @@ async fn obey(as1: &'static As1, rs2: &'static Rs2) -> ! {
                     as1.registers()
                         .with(|port| port.regs_mut().cells_mut()[1] = outcome);
                 }
-                2 => as1.load(Register::Baud, 9_600).unwrap(),
-                3 => as1.load(Register::CtsTimeout, 60_000).unwrap(),
+                2 => as1.load(Value::Baud(9_600)).unwrap(),
+                3 => as1.load(Value::CtsTimeout(60_000)).unwrap(),
                 _ => {}
             }
         }

@@ -7,25 +7,25 @@
 //! ```
 //! use multidrop::PortConfig;
 //! use multidrop::manager::{self, Managed, Manager, ManagerError};
-//! use multidrop::protocol::port_registers::Register;
+//! use multidrop::protocol::port_registers::Value;
 //!
 //! const PORTS: [PortConfig; 2] = manager::table([
 //!     PortConfig::new("AS1").slave_id(17),
 //!     PortConfig::new("RS4").client(),
 //! ]);
 //!
-//! The ports are of type `ManagedPort`, opened with `PORTS[0]` and `PORTS[1]`.
+//! /// The ports are of type `ManagedPort`, opened with `PORTS[0]` and `PORTS[1]`.
 //! fn set_up(as1: &'static dyn Managed, rs4: &'static dyn Managed) -> Result<(), ManagerError<'static>> {
 //!     let manager = Manager::new([as1, rs4]);
-//!     manager.load("RS4", Register::Baud, 9600)?; // LOAD(MB_RS4_BAUD, 9600)
-//!     manager.load(0, Register::SlaveId, 18)
+//!     manager.load("RS4", Value::Baud(9600))?; // LOAD(MB_RS4_BAUD, 9600)
+//!     manager.load(0, Value::SlaveId(18))
 //! }
 //! ```
 
 use core::fmt;
 
 use multidrop_protocol::message::Message;
-use multidrop_protocol::port_registers::{PortRegisters, Refused, Register};
+use multidrop_protocol::port_registers::{PortRegisters, Refused, Register, Value};
 use multidrop_protocol::registers::{Items, Rules};
 
 use crate::config::PortConfig;
@@ -37,11 +37,11 @@ pub trait Managed {
     /// The port's name, such as `"RS4"`.
     fn name(&self) -> &'static str;
 
-    /// Loads a register, see [`ManagedPort::load`].
+    /// Loads a register with a number, see [`ManagedPort::load_raw`].
     ///
     /// # Errors
     /// [`Refused`]: the register keeps its old value.
-    fn load(&self, register: Register, value: u32) -> Result<(), Refused>;
+    fn load_raw(&self, register: Register, value: u32) -> Result<(), Refused>;
 
     /// Reads a register, see [`ManagedPort::read`].
     ///
@@ -61,8 +61,8 @@ where
         ManagedPort::name(self)
     }
 
-    fn load(&self, register: Register, value: u32) -> Result<(), Refused> {
-        ManagedPort::load(self, register, value)
+    fn load_raw(&self, register: Register, value: u32) -> Result<(), Refused> {
+        ManagedPort::load_raw(self, register, value)
     }
 
     fn read(&self, register: Register) -> Result<u32, Refused> {
@@ -147,17 +147,29 @@ impl<const N: usize> Manager<N> {
         }
     }
 
-    /// Loads a register of one port. The other ports and their tasks are not affected.
+    /// Loads a register of one port with a value of its type. The other ports and their tasks are not affected.
     ///
     /// # Errors
     /// [`ManagerError`], which names the port. The register keeps its old value.
     pub fn load<'a>(
         &self,
         port: impl Into<Selector<'a>>,
+        value: Value,
+    ) -> Result<(), ManagerError<'a>> {
+        self.load_raw(port, value.register(), value.number())
+    }
+
+    /// Loads a register of one port with a number, as it is on the wire.
+    ///
+    /// # Errors
+    /// [`ManagerError`], which names the port. The register keeps its old value.
+    pub fn load_raw<'a>(
+        &self,
+        port: impl Into<Selector<'a>>,
         register: Register,
         value: u32,
     ) -> Result<(), ManagerError<'a>> {
-        self.with(port.into(), |port| port.load(register, value))
+        self.with(port.into(), |port| port.load_raw(register, value))
     }
 
     /// Reads a register of a port.

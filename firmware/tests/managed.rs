@@ -67,7 +67,7 @@ impl<R: Items<Item = u16>, C: Items<Item = bool>, V: Rules> Loads
     for ManagedPort<TestLine, PortRegisters<R, C, V>, Uncounted, 2>
 {
     fn set(&self, name: &str, value: u32) {
-        let loaded = self.load(Register::from_name(name).unwrap(), value);
+        let loaded = self.load_raw(Register::from_name(name).unwrap(), value);
         loaded.unwrap_or_else(|refused| panic!("{refused}"));
     }
 
@@ -628,7 +628,7 @@ fn what_the_line_cannot_do_changes_nothing() {
         ),
     ] {
         let before = rs4.read(register);
-        assert_eq!(rs4.load(register, value).unwrap_err().to_string(), text);
+        assert_eq!(rs4.load_raw(register, value).unwrap_err().to_string(), text);
         assert_eq!(rs4.read(register), before);
     }
     bench.run(10);
@@ -759,7 +759,7 @@ fn a_slave_may_answer_with_a_model_of_the_application() {
     wire.hear(Ok(vec![17, 3, 3, 0, 0, 2]));
     bench.run(20);
     // Its settings are the port's all the same.
-    port.load(Register::SlaveId, 18).unwrap();
+    port.load_raw(Register::SlaveId, 18).unwrap();
     bench.run(1);
     wire.hear(Ok(vec![18, 6, 0, 0, 0, 1]));
     bench.run(20);
@@ -789,12 +789,12 @@ fn a_slave_that_counts_has_its_counters_in_every_mode() {
     bench.run(20);
     // What a master or a port that is off hears is none of the slave's business.
     for mode in [0, 2] {
-        port.load(Register::Mode, mode).unwrap();
+        port.load_raw(Register::Mode, mode).unwrap();
         bench.run(5);
         wire.hear(Err(ReceiveErrors::CHECK));
         bench.run(5);
     }
-    port.load(Register::Mode, 1).unwrap();
+    port.load_raw(Register::Mode, 1).unwrap();
     bench.run(5);
     wire.hear(Ok(vec![17, 8, 0, 12, 0, 0]));
     bench.run(20);

@@ -68,7 +68,7 @@ fn a_port_alone_is_no_sniffer() {
         value: 3,
         reason: Reason::NoSniffer,
     };
-    assert_eq!(alone.port.load(Register::Mode, 3), Err(refused));
+    assert_eq!(alone.port.load_raw(Register::Mode, 3), Err(refused));
     assert_eq!(alone.port.read(Register::Mode), Ok(1));
     // That value of MODE, and no other, nor that of another register.
     for (register, value) in [
@@ -79,11 +79,11 @@ fn a_port_alone_is_no_sniffer() {
         (Register::Regs(0), 3),
         (Register::Retries, 3),
     ] {
-        assert_eq!(alone.port.load(register, value), Ok(()), "{register}");
+        assert_eq!(alone.port.load_raw(register, value), Ok(()), "{register}");
         assert_eq!(alone.port.read(register), Ok(value), "{register}");
     }
     let beside = open::<true>(&mut bench, SLAVE, None);
-    assert_eq!(beside.port.load(Register::Mode, 3), Ok(()));
+    assert_eq!(beside.port.load_raw(Register::Mode, 3), Ok(()));
     assert_eq!(beside.port.read(Register::Mode), Ok(3));
 }
 
@@ -91,7 +91,7 @@ fn a_port_alone_is_no_sniffer() {
 fn a_port_alone_answers_and_asks_as_others_do() {
     let mut bench = Bench::new();
     let Opened { wire, port, eyes } = open::<false>(&mut bench, SLAVE, None);
-    port.load(Register::Regs(0), 0x1234).unwrap();
+    port.load_raw(Register::Regs(0), 0x1234).unwrap();
     wire.hear(Ok(READ.to_vec()));
     bench.run(SENDS + 3);
     assert_eq!(wire.sent(), [[17, 3, 2, 0x12, 0x34]]);
@@ -107,7 +107,7 @@ fn a_port_alone_answers_and_asks_as_others_do() {
     }
     assert!(eyes.0.borrow().is_empty(), "a slave shows nothing");
 
-    port.load(Register::Mode, 0).unwrap();
+    port.load_raw(Register::Mode, 0).unwrap();
     wire.answered_by(|request| vec![(5, Ok(vec![request[0], 3, 2, 0, 7]))]);
     port.start().unwrap();
     bench.run(SENDS + 10);
@@ -119,7 +119,7 @@ fn a_port_alone_answers_and_asks_as_others_do() {
     );
 
     // Off it says nothing, whatever comes.
-    port.load(Register::Mode, 2).unwrap();
+    port.load_raw(Register::Mode, 2).unwrap();
     let before = wire.sent().len();
     for heard in [Ok(READ.to_vec()), Err(ReceiveErrors::CHECK)] {
         wire.hear(heard);
@@ -148,7 +148,7 @@ fn a_port_that_prints_shows_nothing_of_its_own_line() {
     bench.run(10);
     assert_eq!(wire.sent().len(), 1);
     // With another framing it listens, and prints nothing.
-    port.load(Register::Framing, 0).unwrap();
+    port.load_raw(Register::Framing, 0).unwrap();
     bench.run(2);
     capture.hear(Ok(&READ));
     for heard in [Ok(READ.to_vec()), Err(ReceiveErrors::CHECK)] {
@@ -166,7 +166,7 @@ fn a_port_that_prints_shows_nothing_of_its_own_line() {
         bench.run(SENDS + 3);
         wire.sent().last().map(|sent| sent[5])
     };
-    port.load(Register::Mode, 1).unwrap();
+    port.load_raw(Register::Mode, 1).unwrap();
     bench.run(2);
     assert_eq!(errors(&mut bench), Some(0));
     wire.hear(Err(ReceiveErrors::PARITY));

@@ -82,7 +82,7 @@ fn a_request_that_was_overtaken_is_sent_again_and_one_that_was_cut_off_is_not() 
     assert_eq!(wire.sent().len(), 1);
 
     // Unless there are tries left.
-    port.load(Register::Retries, 1).unwrap();
+    port.load_raw(Register::Retries, 1).unwrap();
     wire.loses.set(Some(true));
     port.start().unwrap();
     let done = bench.ask(port.done());

@@ -68,7 +68,7 @@ fn a_line_is_set_up_anew_when_all_who_came_before_are_done() {
     // One has the line, one the only place.
     let ends = ask(&mut bench, port, &[21, 22]);
     bench.run_restless(2);
-    port.load(Register::Baud, 9600).unwrap();
+    port.load_raw(Register::Baud, 9600).unwrap();
     bench.run_restless(4 * EXCHANGE);
     assert_eq!(*ends.borrow(), [(21, Ok(21)), (22, Ok(22))]);
     let log = wire.log.borrow();
@@ -125,7 +125,7 @@ fn who_waits_is_refused_when_the_port_is_no_master_any_more() {
     let (wire, port) = open(&mut bench);
     let ends = ask(&mut bench, port, &[21, 22]);
     bench.run_restless(2);
-    port.load(Register::Mode, 2).unwrap();
+    port.load_raw(Register::Mode, 2).unwrap();
     bench.run_restless(3 * EXCHANGE);
     assert_eq!(
         *ends.borrow(),
@@ -135,7 +135,7 @@ fn who_waits_is_refused_when_the_port_is_no_master_any_more() {
     // From then on at once, and again once it is master.
     let ends = ask(&mut bench, port, &[23]);
     assert_eq!(*ends.borrow(), [(23, Err(ClientError::NotMaster))]);
-    port.load(Register::Mode, 0).unwrap();
+    port.load_raw(Register::Mode, 0).unwrap();
     bench.run(2);
     let ends = ask(&mut bench, port, &[24]);
     bench.run(2 * EXCHANGE);
@@ -147,7 +147,7 @@ fn who_waits_is_refused_when_the_port_is_no_master_any_more() {
 fn who_asks_in_vain_again_and_again_lets_others_run() {
     let mut bench = Bench::new();
     let (_, port) = open(&mut bench);
-    port.load(Register::Mode, 2).unwrap();
+    port.load_raw(Register::Mode, 2).unwrap();
     bench.run(2);
     let client = port.client(CONFIG);
     let mut context = Context::from_waker(Waker::noop());

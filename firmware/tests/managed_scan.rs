@@ -69,7 +69,7 @@ impl<R: Items<Item = u16> + 'static> Walked<R> {
         bench.wire(wire);
         bench.spawn(async move { managed_receive(port).await });
         bench.spawn(async move { managed_run(port).await });
-        port.load(Register::Func, 3).unwrap();
+        port.load_raw(Register::Func, 3).unwrap();
         bench.poll();
         Walked { wire, port, does }
     }
@@ -86,7 +86,7 @@ impl<R: Items<Item = u16> + 'static> Walked<R> {
         does: Vec<(u8, u16, Does)>,
     ) -> (Outcome, u32, u32) {
         *self.does.borrow_mut() = does;
-        self.port.load(Register::RegCnt, count).unwrap();
+        self.port.load_raw(Register::RegCnt, count).unwrap();
         self.port.start().unwrap();
         // What the last one has left is gone.
         assert_eq!(

@@ -113,7 +113,9 @@ fn each_port_has_registers_of_its_own() {
     for place in 0..3 {
         let before: Vec<_> = (0..3).map(|place| state(&manager, place)).collect();
         for (register, value) in loads {
-            manager.load(PORTS[place].name(), register, value).unwrap();
+            manager
+                .load_raw(PORTS[place].name(), register, value)
+                .unwrap();
             assert_eq!(manager.read(place, register), Ok(value), "{register}");
         }
         bench.run(20);
@@ -136,14 +138,14 @@ fn a_load_concerns_the_line_of_its_port_alone_and_the_others_go_on() {
     let mut answers = [0; 2];
     for round in 0..10 {
         // One port asks, two are asked; one of these is changed meanwhile.
-        manager.load("RS4", Register::Start, 1).unwrap();
+        manager.load_raw("RS4", Register::Start, 1).unwrap();
         let unit = manager.read("AS1", Register::SlaveId).unwrap() as u8;
         let request = |unit: u8| -> Heard { Ok(vec![unit, 3, 0, 0, 0, 1]) };
         wires[0].hear(request(unit));
         wires[1].hear(request(17));
         bench.run(2);
-        manager.load(0, Register::Baud, 9600 + round).unwrap();
-        manager.load(0, Register::SlaveId, 20 + round).unwrap();
+        manager.load_raw(0, Register::Baud, 9600 + round).unwrap();
+        manager.load_raw(0, Register::SlaveId, 20 + round).unwrap();
         bench.run(40);
         for (answers, wire) in answers.iter_mut().zip(wires) {
             assert_eq!(wire.sent().len(), *answers + 1, "round {round}");
@@ -167,7 +169,7 @@ fn a_load_concerns_the_line_of_its_port_alone_and_the_others_go_on() {
 fn a_mode_is_changed_by_name() {
     let mut bench = Bench::new();
     let (wires, manager) = open(&mut bench);
-    manager.load("AS2", Register::Mode, 0).unwrap();
+    manager.load_raw("AS2", Register::Mode, 0).unwrap();
     bench.run(2);
     let log = wires[1].log.borrow();
     let [Event::Configured(line)] = log[..] else {
@@ -181,7 +183,10 @@ fn errors_name_the_port() {
     let mut bench = Bench::new();
     let (_, manager) = open(&mut bench);
     let error = |port: &'static str, register, value| {
-        manager.load(port, register, value).unwrap_err().to_string()
+        manager
+            .load_raw(port, register, value)
+            .unwrap_err()
+            .to_string()
     };
     assert_eq!(
         error("AS2", Register::SlaveId, 248),

@@ -86,9 +86,9 @@ fn the_ports_own_unit_goes_before_its_routes() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let through = desk.port.client(CONFIG);
     let (wire, port) = open(&mut desk, through);
-    port.load(Register::Regs(0), 0x1234).unwrap();
+    port.load_raw(Register::Regs(0), 0x1234).unwrap();
     for (unit, own) in [(1, false), (3, true), (2, false)] {
-        port.load(Register::SlaveId, unit.into()).unwrap();
+        port.load_raw(Register::SlaveId, unit.into()).unwrap();
         desk.run(1);
         wire.comes(1, read(unit, 0));
         desk.run(SENDS + 4);
@@ -116,7 +116,7 @@ fn what_was_asked_before_a_change_of_settings_is_not_answered_after_it() {
     ] {
         wire.comes(1, read(2, 7));
         desk.run(SENDS + 4);
-        port.load(register, value).unwrap();
+        port.load_raw(register, value).unwrap();
         desk.run(4 * EXCHANGE);
         assert_eq!(sent(wire), [[0; 0]; 0], "{register:?}");
     }
@@ -136,7 +136,7 @@ fn a_port_behind_that_is_no_master_is_no_path() {
     desk.spawn(async move { managed_run(behind).await });
     let (wire, _) = open(&mut desk, behind.client(CONFIG));
     for (mode, told) in [(0, 0x0B), (1, 0x0A), (2, 0x0A), (3, 0x0A), (0, 0x0B)] {
-        behind.load(Register::Mode, mode).unwrap();
+        behind.load_raw(Register::Mode, mode).unwrap();
         desk.run(1);
         far.sent.borrow_mut().clear();
         wire.comes(1, read(4, 7));
@@ -151,7 +151,7 @@ fn a_port_behind_that_is_no_master_is_no_path() {
     // A request that is under way ends; one that comes behind the change is refused.
     wire.comes(1, read(4, 7));
     desk.run(SENDS + 4);
-    behind.load(Register::Mode, 2).unwrap();
+    behind.load_raw(Register::Mode, 2).unwrap();
     desk.run(TIMEOUT + SENDS + 2);
     assert_eq!(sent(wire), [[4, 0x83, 0x0B]]);
 }

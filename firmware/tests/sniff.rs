@@ -147,7 +147,7 @@ fn what_finds_no_room_is_counted_and_the_rest_is_whole() {
 fn a_master_shows_what_it_asks_and_what_it_hears() {
     let mut bench = Bench::new();
     let setup = setup(&mut bench);
-    setup.rs4.load(Register::Mode, 0).unwrap();
+    setup.rs4.load_raw(Register::Mode, 0).unwrap();
     let answers = [
         vec![],
         vec![(3, Err(ReceiveErrors::CHECK))],
@@ -181,7 +181,7 @@ fn a_port_that_prints_follows_what_is_loaded() {
         bench.run(u64::from(round) % 7);
         setup
             .rs2
-            .load(Register::Baud, 9600 + u32::from(round))
+            .load_raw(Register::Baud, 9600 + u32::from(round))
             .unwrap();
         bench.run(13);
     }
@@ -192,8 +192,8 @@ fn a_port_that_prints_follows_what_is_loaded() {
         20
     );
     // As a slave it answers, and prints no more.
-    setup.rs2.load(Register::Framing, 0).unwrap();
-    setup.rs2.load(Register::Mode, 1).unwrap();
+    setup.rs2.load_raw(Register::Framing, 0).unwrap();
+    setup.rs2.load_raw(Register::Mode, 1).unwrap();
     bench.run(2);
     setup.heard.hear(Ok(vec![17, 6, 0, 1, 0, 0]));
     setup.printed.hear(Ok(vec![1, 3, 0, 0, 0, 1]));
@@ -205,7 +205,7 @@ fn a_port_that_prints_follows_what_is_loaded() {
 fn the_application_may_take_them_itself() {
     let mut bench = Bench::new();
     let setup = setup(&mut bench);
-    setup.rs2.load(Register::Mode, 2).unwrap();
+    setup.rs2.load_raw(Register::Mode, 2).unwrap();
     bench.run(1);
     let first = bench.ask(setup.capture.next(|time, seen| {
         let Seen::Frame(direction, frame) = seen else {

@@ -1,14 +1,14 @@
 //! The format of a character on the line, and the framing of bytes.
 
-/// The framing: how bytes are encoded as characters, and what delimits a frame (SER 2.5).
+/// The framing: how bytes are encoded as characters, and what delimits a frame (SER 2.5). The numbers are those of the register FRAMING.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Framing {
     /// A byte is one character, a silence ends the frame, a CRC checks it; eight data bits (SER 2.5.1).
-    Rtu,
+    Rtu = 0,
     /// A byte is two hexadecimal digits, `:` begins and CR LF ends the frame, an LRC checks it (SER 2.5.2).
-    Ascii,
+    Ascii = 1,
     /// Bytes are sent as they are, without a check: lines of text for a terminal. Received bytes are ignored.
-    Text,
+    Text = 2,
 }
 
 impl Framing {
@@ -40,23 +40,23 @@ pub enum Parity {
 /// Data bits, parity and stop bits, as a common short name.
 ///
 /// RTU needs eight data bits. The standard has 8E1 as its default, and 8N2 without parity (SER 2.5.1); most devices
-/// in the field use 8N1. Seven data bits are for ASCII (SER 2.5.2).
+/// in the field use 8N1. Seven data bits are for ASCII (SER 2.5.2). The numbers are those of the register FORMAT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LineFormat {
     /// Eight data bits, no parity, one stop bit.
-    F8N1,
+    F8N1 = 0,
     /// Eight data bits, even parity, one stop bit.
-    F8E1,
+    F8E1 = 1,
     /// Eight data bits, odd parity, one stop bit.
-    F8O1,
+    F8O1 = 2,
     /// Eight data bits, no parity, two stop bits.
-    F8N2,
+    F8N2 = 3,
     /// Seven data bits, even parity, one stop bit.
-    F7E1,
+    F7E1 = 4,
     /// Seven data bits, odd parity, one stop bit.
-    F7O1,
+    F7O1 = 5,
     /// Seven data bits, no parity, two stop bits.
-    F7N2,
+    F7N2 = 6,
 }
 
 impl LineFormat {

@@ -54,6 +54,11 @@ impl Message {
         }
     }
 
+    /// Appends the range that a value must be in, both ends included: `must be LOW..=HIGH`.
+    pub const fn range(self, low: u32, high: u32) -> Self {
+        self.text("must be ").number(low).text("..=").number(high)
+    }
+
     /// The text of the message.
     pub const fn as_str(&self) -> &str {
         let (text, _) = self.text.split_at(self.len);

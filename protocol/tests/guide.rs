@@ -7,10 +7,10 @@ use std::path::Path;
 use multidrop_protocol::port_registers::{PortRegisters, PortSettings, Register};
 use multidrop_protocol::registers::{Bank, CoilBank, NoRules};
 
-/// A row: number, range, default.
-type Row = [String; 3];
+/// A row: number, range, default, what it does.
+type Row = [String; 4];
 
-/// The rows by the names of their registers, without the index of an array.
+/// The rows by the names of their registers.
 fn table() -> BTreeMap<String, Row> {
     // Where it is now: a copied checkout may have been compiled elsewhere.
     let here = std::env::var("CARGO_MANIFEST_DIR").expect("cargo runs the test");
@@ -20,16 +20,47 @@ fn table() -> BTreeMap<String, Row> {
     let mut rows = BTreeMap::new();
     for line in text.lines().filter(|line| line.starts_with("| ")) {
         let cells: Vec<&str> = line.split('|').map(str::trim).collect();
-        let [_, name, number, range, default, ..] = cells[..] else {
+        let [_, name, number, range, default, does, ..] = cells[..] else {
             panic!("{line}");
         };
         if name != "register" {
-            let row = [number, range, default].map(str::to_owned);
-            let name = name.trim_end_matches(".n").to_owned();
+            let row = [number, range, default, &without_links(does)].map(str::to_owned);
+            let name = name.to_owned();
             assert_eq!(rows.insert(name, row), None, "{line}");
         }
     }
     rows
+}
+
+/// Text in place of `[text](target)`.
+fn without_links(cell: &str) -> String {
+    let Some((before, link)) = cell.split_once('[') else {
+        return cell.to_owned();
+    };
+    let (text, rest) = link.split_once("](").expect("a link");
+    let (_, after) = rest.split_once(')').expect("its end");
+    format!("{before}{text}{}", without_links(after))
+}
+
+macro_rules! comments {
+    ($($group:ident { $($section:ident { $(
+        $(#[doc = $doc:literal])*
+        $number:literal $NAME:ident $register:ident $([$index:ident: $index_type:ident])? $(: $type:ident)?
+            $(in $low:literal ..= $high:literal)? $(of $choices:literal)? $(=> $field:ident = $default:expr)?;
+    )* })* })*) => {
+        /// Number and comment of each register, line by line, as they are declared.
+        const COMMENTS: [(u8, &[&str]); Register::COUNT as usize] = [
+            $($($( ($number, &[$($doc),*]), )*)*)*
+        ];
+    };
+}
+
+multidrop_protocol::port_registers!(comments);
+
+/// The name as the table has it: an array is `REGS.n`.
+fn name_in_table(register: Register) -> String {
+    let index = register.index().map_or("", |_| ".n");
+    format!("{}{index}", register.name())
 }
 
 fn registers() -> impl Iterator<Item = Register> {
@@ -45,7 +76,7 @@ fn the_table_of_the_guide_has_each_register_with_its_number_and_its_default() {
     let table = table();
     assert_eq!(table.len(), usize::from(Register::COUNT));
     for register in registers() {
-        let [number, _, default] = &table[register.name()];
+        let [number, _, default, _] = &table[&name_in_table(register)];
         assert_eq!(*number, register.number().to_string(), "{register}");
         // Without rules there is no element to read.
         let value = port().read(register).map(|value| value.to_string());
@@ -58,17 +89,17 @@ fn a_range_in_the_table_of_the_guide_is_what_the_register_takes() {
     let table = table();
     let mut ranges = 0;
     for register in registers() {
-        let [_, range, _] = &table[register.name()];
+        let [_, range, ..] = &table[&name_in_table(register)];
         let takes = |value| {
             let mut port = port();
             // What stands in the way of some of the values.
             match register {
-                Register::Format => port.load(Register::Framing, 1).map(drop),
-                Register::Framing => port.load(Register::Mode, 3).map(drop),
+                Register::Format => port.load_raw(Register::Framing, 1).map(drop),
+                Register::Framing => port.load_raw(Register::Mode, 3).map(drop),
                 _ => Ok(()),
             }
             .expect("taken");
-            port.load(register, value).map(drop).map_err(|_| value)
+            port.load_raw(register, value).map(drop).map_err(|_| value)
         };
         if range == "R" {
             assert_eq!(takes(0), Err(0), "{register}");
@@ -86,4 +117,26 @@ fn a_range_in_the_table_of_the_guide_is_what_the_register_takes() {
         }
     }
     assert_eq!(ranges, 20);
+}
+
+#[test]
+fn the_table_of_the_guide_says_what_the_declaration_says() {
+    let table = table();
+    for (number, comment) in COMMENTS {
+        let register = Register::from_number(number, 0).expect("a register");
+        let paragraph: Vec<&str> = comment
+            .iter()
+            .map(|line| line.trim())
+            .take_while(|line| !line.is_empty())
+            .collect();
+        let declared = paragraph.join(" ");
+        let [.., does] = &table[&name_in_table(register)];
+        // The guide's cells begin in lower case and have no full stop.
+        let cell = declared.trim_end_matches('.').to_lowercase();
+        assert_eq!(
+            does.to_lowercase(),
+            cell,
+            "{register}, declared as: {declared}"
+        );
+    }
 }

@@ -28,7 +28,7 @@ fn slave() -> Slave {
         CoilBank::new(0, 8),
     );
     for index in 0..10 {
-        port.load(Register::Regs(index), 100 + u32::from(index))
+        port.load_raw(Register::Regs(index), 100 + u32::from(index))
             .unwrap();
     }
     port
@@ -157,7 +157,11 @@ fn a_flag_that_is_set_before_the_frame_stands_keeps_the_register() {
         let port = &mut slave();
         let before = values(port);
         let set = |value| {
-            move |port: &mut Slave| port.load(Register::DisableFlg(0), value).map(drop).unwrap()
+            move |port: &mut Slave| {
+                port.load_raw(Register::DisableFlg(0), value)
+                    .map(drop)
+                    .unwrap()
+            }
         };
         assert_eq!(answer(port, &pdu, set(1)), [pdu[0] | 0x80, 7]);
         assert_eq!(values(port), before, "{pdu:02X?}");
@@ -175,11 +179,11 @@ fn a_mask_binds_what_is_there_when_the_frame_stands() {
     // With bit 7 set 103 becomes 231 and 120 becomes 248, which are out of 100..=200; 0 becomes 128.
     let mask = words(0x16, &[7, 0xFF7F, 0x80]);
     assert_eq!(ask(port, &mask), [0x96, 3]);
-    port.load(Register::Regs(3), 0).unwrap();
-    let changed = |port: &mut Slave| port.load(Register::Regs(3), 120).map(drop).unwrap();
+    port.load_raw(Register::Regs(3), 0).unwrap();
+    let changed = |port: &mut Slave| port.load_raw(Register::Regs(3), 120).map(drop).unwrap();
     assert_eq!(answer(port, &mask, changed), [0x96, 3]);
     assert_eq!(port.read(Register::Regs(3)), Ok(120));
-    port.load(Register::Regs(3), 0).unwrap();
+    port.load_raw(Register::Regs(3), 0).unwrap();
     assert_eq!(ask(port, &mask), mask);
     assert_eq!(port.read(Register::Regs(3)), Ok(128));
 }

@@ -31,7 +31,7 @@ fn pair<R: Items<Item = u16> + 'static>(regs: R) -> Pair<R> {
     for index in 0..slave.regs().len() as u16 {
         let address = slave.regs().address_of(index).expect("an item");
         slave
-            .load(Register::Regs(index), 0x100 + u32::from(index))
+            .load_raw(Register::Regs(index), 0x100 + u32::from(index))
             .unwrap();
         // Of those that are there twice the first is served.
         registers.entry(address.into()).or_insert(0x100 + index);
@@ -40,7 +40,7 @@ fn pair<R: Items<Item = u16> + 'static>(regs: R) -> Pair<R> {
     for (index, address) in COILS.iter().enumerate() {
         let on = index * index % 7 < 3;
         slave
-            .load(Register::Coils(index as u16), on.into())
+            .load_raw(Register::Coils(index as u16), on.into())
             .unwrap();
         coils.insert(u32::from(*address), on);
     }

@@ -304,7 +304,7 @@ fn a_value_that_is_refused_says_why() {
             "1, 2, 3, 4, 5, 6, 15, 16 or 23; other functions are methods of the client",
         ),
     ] {
-        let said = text(register, 99, Reason::Choice);
+        let said = text(register, 99, Reason::Value);
         assert_eq!(said, format!("{register} is 99, must be {choices}"));
     }
 }

@@ -18,8 +18,8 @@ use embassy_time::Timer;
 use embedded_hal::digital::{InputPin, OutputPin, StatefulOutputPin};
 use multidrop::protocol::data::RegistersOut;
 use multidrop::protocol::exception::Exception;
-use multidrop::protocol::format::LineFormat;
-use multidrop::protocol::port_registers::{PortRegisters, Refused, Register};
+use multidrop::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::port_registers::{Mode, PortRegisters, Refused, Value};
 use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
 use multidrop::protocol::server::DataModel;
 use multidrop::{ManagedPort, PortConfig, Shared, managed_receive, managed_serve};
@@ -35,7 +35,7 @@ const RS4: PortConfig = PortConfig::new("RS4")
     .timeout_ms(15);
 
 /// The slave that is asked.
-const PEER: u32 = 2;
+const PEER: u8 = 2;
 const COUNT: usize = 4;
 
 type Rs485 = Usart0<PD2, CLOCK_HZ, RtuAndAscii>;
@@ -95,21 +95,21 @@ struct Wanted {
 // ANCHOR: load
 fn load(port: &Port, wanted: Wanted) -> Result<(), Refused> {
     if wanted.master {
-        port.load(Register::Mode, 0)?;
-        port.load(Register::SlaveId, PEER)?;
+        port.load(Value::Mode(Mode::Master))?;
+        port.load(Value::SlaveId(PEER))?;
     } else {
-        port.load(Register::SlaveId, RS4.unit().into())?;
-        port.load(Register::Mode, 1)?;
+        port.load(Value::SlaveId(RS4.unit()))?;
+        port.load(Value::Mode(Mode::Slave))?;
     }
     // Seven data bits are never together with RTU.
     if wanted.ascii {
-        port.load(Register::Framing, 1)?;
-        port.load(Register::Format, 4)?;
+        port.load(Value::Framing(Framing::Ascii))?;
+        port.load(Value::Format(LineFormat::F7E1))?;
     } else {
-        port.load(Register::Format, 0)?;
-        port.load(Register::Framing, 0)?;
+        port.load(Value::Format(LineFormat::F8N1))?;
+        port.load(Value::Framing(Framing::Rtu))?;
     }
-    port.load(Register::Baud, if wanted.fast { 115_200 } else { 38_400 })
+    port.load(Value::Baud(if wanted.fast { 115_200 } else { 38_400 }))
 }
 // ANCHOR_END: load
 
@@ -169,7 +169,7 @@ fn main() -> ! {
             *cell = 0x1100 + index;
         }
     });
-    let _ = port.load(Register::RegCnt, COUNT as u32);
+    let _ = port.load(Value::RegCnt(COUNT as u16));
     let switches = (
         Input::new(pins.PD3, true),
         Input::new(pins.PD4, true),

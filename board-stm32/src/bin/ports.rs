@@ -144,7 +144,9 @@ impl DataModel for Told {
     fn write_registers(&mut self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
         let (port, register, _) = setting(first)?;
         let word = |place| u32::from(values.get(place).unwrap_or(0));
-        let loaded = self.manager.load(port, register, word(0) << 16 | word(1));
+        let loaded = self
+            .manager
+            .load_raw(port, register, word(0) << 16 | word(1));
         loaded.map_err(|_| Exception::IllegalDataValue)
     }
 }

@@ -9,7 +9,7 @@
 //! data model of the application, and with a [router](mod@crate::route) for other units too.
 //!
 //! ```
-//! use multidrop::protocol::port_registers::{PortRegisters, Refused, Register};
+//! use multidrop::protocol::port_registers::{Mode, PortRegisters, Refused, Value};
 //! use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
 //! use multidrop::{Line, ManagedPort, PortConfig};
 //!
@@ -23,10 +23,10 @@
 //!
 //! /// Register 2 of slave 17, by a port that was a slave itself: no reset is needed.
 //! async fn ask<L: Line>(port: &Rs4<L>) -> Result<Option<u16>, Refused> {
-//!     port.load(Register::Mode, 0)?;
-//!     port.load(Register::Func, 3)?;
-//!     port.load(Register::RegOff, 2)?;
-//!     port.load(Register::RegCnt, 4)?;
+//!     port.load(Value::Mode(Mode::Master))?;
+//!     port.load(Value::Func(3))?;
+//!     port.load(Value::RegOff(2))?;
+//!     port.load(Value::RegCnt(4))?;
 //!     port.start()?; // LOAD(RS4, 1)
 //!     Ok(match port.done().await {
 //!         Ok(()) => Some(port.registers().with(|rs4| rs4.regs().cells()[2])), // DATAOK
@@ -47,6 +47,7 @@ use core::task::Poll;
 
 use multidrop_protocol::port_registers::{
     Change, LineSettings, Mode, PortRegisters, Reason, Refused, Register, Status, Transaction,
+    Value,
 };
 use multidrop_protocol::registers::{Items, Rules};
 use multidrop_protocol::server::{Counted, Server, Uncounted};
@@ -191,14 +192,23 @@ where
         self.name
     }
 
-    /// Loads a register, `LOAD(MB_RS4_name, value)`. A change of the line or the mode takes effect when no request is
-    /// being answered and no transaction runs: what is loaded before START takes effect before its request is sent,
-    /// what is loaded after START takes effect after the end of the transaction.
+    /// Loads a register with a value of its type, `LOAD(MB_RS4_name, value)`. A change of the line or the mode takes effect when
+    /// no request is being answered and no transaction runs: what is loaded before START takes effect before its
+    /// request is sent, what is loaded after START takes effect after the end of the transaction.
     ///
     /// # Errors
     /// [`Refused`], which names the register, the value, and the values that are accepted. The register keeps its old
     /// value, and a transaction under way goes on.
-    pub fn load(&self, register: Register, value: u32) -> Result<(), Refused> {
+    #[inline(always)]
+    pub fn load(&self, value: Value) -> Result<(), Refused> {
+        self.load_raw(value.register(), value.number())
+    }
+
+    /// Loads a register with a number, as it is on the wire. See [`load`](Self::load).
+    ///
+    /// # Errors
+    /// [`Refused`], as for [`load`](Self::load).
+    pub fn load_raw(&self, register: Register, value: u32) -> Result<(), Refused> {
         if !L::HAS_NEIGHBOURS && register == Register::Mode && value == Mode::Sniffer as u32 {
             return Err(Refused {
                 register,
@@ -264,7 +274,7 @@ where
     /// # Errors
     /// [`Refused`], with the register that prevents it; a transaction under way goes on.
     pub fn start(&self) -> Result<(), Refused> {
-        self.load(Register::Start, 1)
+        self.load_raw(Register::Start, 1)
     }
 
     /// Waits for the end of the last transaction: DATAOK, or DATAERR with its reason. For one task; others use

@@ -1,7 +1,6 @@
 //! Loading and reading registers.
 
-use super::load_settings::{WORD, within};
-use super::{Change, LineSettings, Mode, PortRegisters, Reason, Refused, Register, Status};
+use super::{Change, LineSettings, Mode, PortRegisters, Reason, Refused, Register, Status, Value};
 use crate::function::{
     READ_BITS_MAX, READ_COILS, READ_DISCRETE_INPUTS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS,
     READ_REGISTERS_MAX, READ_WRITE_REGISTERS, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS,
@@ -23,11 +22,20 @@ where
     /// # Errors
     ///
     /// [`Refused`]; nothing is changed then.
-    pub fn load(&mut self, register: Register, value: u32) -> Result<Change, Refused> {
+    pub fn load(&mut self, value: Value) -> Result<Change, Refused> {
+        self.load_raw(value.register(), value.number())
+    }
+
+    /// Loads a register by number, whatever the chip can do. See [`load_checked`](Self::load_checked).
+    ///
+    /// # Errors
+    ///
+    /// [`Refused`]; nothing is changed then.
+    pub fn load_raw(&mut self, register: Register, value: u32) -> Result<Change, Refused> {
         self.load_checked(register, value, &|_| Ok(()))
     }
 
-    /// Loads a register. `line` says of settings of the line that are otherwise right whether the chip can do them.
+    /// Loads a register by number. `line` says of settings of the line that are otherwise right whether the chip can do them.
     ///
     /// START is 1 from here on until [`finish`](Self::finish). A transaction under way is not touched by any load: it works with
     /// what the registers described when it was started.
@@ -50,15 +58,7 @@ where
         self.take(register, value, line).map_err(refused)?;
         match register {
             Register::Mode | Register::SlaveId => Ok(Change::Mode),
-            Register::Baud
-            | Register::Framing
-            | Register::Format
-            | Register::Duplex
-            | Register::Flow
-            | Register::InterCharacter
-            | Register::CtsTimeout
-            | Register::DeLead
-            | Register::ResponseDelay => Ok(Change::Line),
+            _ if register.is_of_line() => Ok(Change::Line),
             Register::Start => self.start().map(|()| Change::Start),
             _ => Ok(Change::Done),
         }
@@ -70,17 +70,25 @@ where
         value: u32,
         line: &dyn Fn(&LineSettings) -> Result<(), Reason>,
     ) -> Result<(), Reason> {
-        let word = || within(value, WORD.0, WORD.1).map(|word| word as u16);
+        // How many places of a scan list are walked is a matter of its length alone.
+        if R::SCANS && register == Register::RegCnt {
+            if !matches!(value, 1..=65_535) {
+                return Err(Reason::Range(1, 65_535));
+            }
+        } else if !register.has_in_range(value) {
+            return Err(self.settings.wrong(register));
+        }
+        let word = value as u16;
         match register {
-            Register::Base => return self.rebase(word()?),
+            Register::Base => return self.rebase(word),
             Register::Regs(index) => {
-                if !self.regs.set_item(index, word()?) {
+                if !self.regs.set_item(index, word) {
                     return Err(Reason::Index(self.regs.len() as u32));
                 }
             }
             Register::Coils(index) => {
                 if !matches!(value, 0 | 1 | ON) {
-                    return Err(Reason::Choice);
+                    return Err(Reason::Value);
                 }
                 if !self.coils.set_item(index, value != 0) {
                     return Err(Reason::Index(self.coils.len() as u32));
@@ -90,19 +98,13 @@ where
                 self.function = match value {
                     1 | 2 | 5 | 15 if C::NONE => return Err(Reason::NoCoils),
                     1..=6 | 15 | 16 | 23 => value as u8,
-                    _ => return Err(Reason::Choice),
+                    _ => return Err(Reason::Value),
                 };
             }
-            Register::RegOff => self.reg_offset = word()?,
-            Register::RegCnt => {
-                // How many a scan list may walk is a matter of its length alone.
-                let most = if R::SCANS { 65_535 } else { READ_REGISTERS_MAX };
-                self.reg_count = within(value, 1, most.into())? as u16;
-            }
-            Register::CoilOff => self.coil_offset = word()?,
-            Register::CoilCnt => {
-                self.coil_count = within(value, 1, READ_BITS_MAX.into())? as u16;
-            }
+            Register::RegOff => self.reg_offset = word,
+            Register::RegCnt => self.reg_count = word,
+            Register::CoilOff => self.coil_offset = word,
+            Register::CoilCnt => self.coil_count = word,
             Register::DisableFlg(index) => {
                 if index >= V::DISABLE_REG {
                     return Err(Reason::Index(V::DISABLE_REG.into()));
@@ -111,14 +113,21 @@ where
                 match value {
                     0 => self.flags &= !flag,
                     1 => self.flags |= flag,
-                    _ => return Err(Reason::Choice),
+                    _ => return Err(Reason::Value),
                 }
             }
             Register::Start => match value {
                 1 if self.running => return Err(Reason::Running),
                 1 => {}
-                _ => return Err(Reason::Choice),
+                _ => return Err(Reason::Value),
             },
+            Register::Status
+            | Register::Error
+            | Register::DataOk
+            | Register::DataErr
+            | Register::ValidData(_)
+            | Register::ValidReg(_)
+            | Register::DisableReg(_) => return Err(Reason::ReadOnly),
             _ => return self.settings.load(register, value, line),
         }
         Ok(())

@@ -5,29 +5,33 @@
 //! describe, [`Transaction`] by [`TransactionStep`]. `multidrop::managed` is the port around it.
 //!
 //! ```
-//! use multidrop_protocol::port_registers::{PortRegisters, Register, PortSettings};
+//! use multidrop_protocol::port_registers::{PortRegisters, PortSettings, Register, Value};
 //! use multidrop_protocol::registers::{Bank, NoCoils, NoRules};
 //!
 //! let mut rs4: PortRegisters<_, _, NoRules> =
 //!     PortRegisters::new(PortSettings::DEFAULT, Bank::<16>::new(0), NoCoils);
-//! rs4.load(Register::SlaveId, 17).unwrap();
-//! let refused = rs4.load(Register::SlaveId, 248).unwrap_err();
+//! rs4.load(Value::SlaveId(17)).unwrap();
+//! // As it comes from the wire: by number.
+//! let refused = rs4.load_raw(Register::SlaveId, 248).unwrap_err();
 //! assert_eq!(refused.to_string(), "SLAVEID is 248, must be 1..=247");
 //! assert_eq!(rs4.read(Register::SlaveId), Ok(17));
 //! ```
 
+#[macro_use]
+mod declaration;
 mod load;
-mod load_settings;
 mod model;
 mod refused;
 mod register;
 mod settings;
 mod transaction;
+mod value;
 
 pub use refused::{Reason, Refused};
 pub use register::Register;
-pub use settings::{Duplex, Flow, InterCharacter, LineSettings, Mode, PortSettings, Status};
+pub use settings::{LineSettings, PortSettings, Status};
 pub use transaction::{Transaction, TransactionStep};
+pub use value::{Duplex, Flow, InterCharacter, Mode, Value};
 
 use core::marker::PhantomData;
 

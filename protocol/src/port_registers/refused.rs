@@ -3,6 +3,7 @@
 use core::fmt;
 
 use super::register::Register;
+use crate::UNIT_MAX;
 use crate::format::Framing;
 
 /// A value that a register does not take; nothing was changed. Displayed it names the register, the value and what would be
@@ -20,10 +21,10 @@ pub struct Refused {
 /// What is wrong with a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reason {
-    /// It has to be in this range, both ends included.
+    /// The register takes no such value: see [`Register::range`] and [`Register::choices`].
+    Value,
+    /// As all else is set it has to be in this range, both ends included.
     Range(u32, u32),
-    /// It is none of the few values that the register has.
-    Choice,
     /// The mode is not in this version.
     NotYet,
     /// The register only tells.
@@ -82,12 +83,18 @@ impl fmt::Display for Refused {
             _ => write!(f, "{register} is {value}, ")?,
         }
         match self.reason {
+            Reason::Value => match register.choices() {
+                Some(choices) => write!(f, "must be {choices}"),
+                None => {
+                    let (low, high) = register.range().unwrap_or_default();
+                    write!(f, "must be {low}..={high}")
+                }
+            },
             Reason::Range(low, high) => write!(f, "must be {low}..={high}"),
-            Reason::Choice => write!(f, "must be {}", choices(register)),
             Reason::NotYet => write!(
                 f,
                 "which is not in this version, must be {}",
-                choices(register)
+                register.choices().unwrap_or_default()
             ),
             Reason::Base(len) => write!(
                 f,
@@ -113,8 +120,8 @@ impl fmt::Display for Refused {
             ),
             Reason::NoCoils => write!(f, "must be 3, 4, 6, 16 or 23: the port has no coils"),
             Reason::SlaveZero => match register {
-                Register::Mode => write!(f, "but SLAVEID is 0, must be 1..=247 first"),
-                _ => write!(f, "must be 1..=247 for a slave"),
+                Register::Mode => write!(f, "but SLAVEID is 0, must be 1..={UNIT_MAX} first"),
+                _ => write!(f, "must be 1..={UNIT_MAX} for a slave"),
             },
             Reason::SevenBits => match register {
                 Register::Framing => write!(f, "but FORMAT has 7 data bits, must have 8 for RTU"),
@@ -147,20 +154,3 @@ impl fmt::Display for Refused {
 }
 
 impl core::error::Error for Refused {}
-
-fn choices(register: Register) -> &'static str {
-    match register {
-        Register::Mode => "0 (master), 1 (slave), 2 (off) or 3 (sniffer)",
-        Register::Framing => "0 (RTU), 1 (ASCII) or 2 (text)",
-        Register::Func => {
-            "1, 2, 3, 4, 5, 6, 15, 16 or 23; other functions are methods of the client"
-        }
-        Register::Coils(_) => "0 (off) or 1 (on)",
-        Register::DisableFlg(_) => "0 (enabled) or 1 (disabled)",
-        Register::Format => "8N1 (0), 8E1 (1), 8O1 (2), 8N2 (3), 7E1 (4), 7O1 (5) or 7N2 (6)",
-        Register::Duplex => "0 (half) or 1 (full)",
-        Register::Flow => "0 (none) or 1 (RTS/CTS)",
-        Register::InterCharacter => "0 (strict), 1 (off) or 2..=50 (ms that end a frame)",
-        _ => "1",
-    }
-}

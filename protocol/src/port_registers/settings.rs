@@ -1,147 +1,159 @@
 //! What a port is set to, and what its settings may be.
 
+use super::value::*;
+use super::{Reason, Register};
 use crate::format::{Framing, LineFormat};
 
-/// What a port does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Mode {
-    /// It asks: client.
-    Master = 0,
-    /// It answers: server.
-    Slave = 1,
-    /// It does neither, and leaves the bus alone.
-    Off = 2,
-    /// It listens to others, or with framing text prints what another port hears; it never asks or answers.
-    Sniffer = 3,
+macro_rules! settings {
+    (
+        typed {
+            port { $(
+                $(#[$doc:meta])*
+                $number:literal $NAME:ident $register:ident: $type:ident
+                    $(in $low:literal ..= $high:literal)? $(of $choices:literal)? => $field:ident = $default:expr;
+            )* }
+            line { $(
+                $(#[$line_doc:meta])*
+                $line_number:literal $LINE_NAME:ident $line_register:ident: $line_type:ident
+                    $(in $line_low:literal ..= $line_high:literal)? $(of $line_choices:literal)?
+                    => $line_field:ident = $line_default:expr;
+            )* }
+            $($others:tt)*
+        }
+        untyped $untyped:tt
+    ) => {
+        /// The line of a port.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct LineSettings {
+            $( $(#[$line_doc])* pub $line_field: $line_type, )*
+        }
+
+        /// The settings of a port that registers begin with.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct PortSettings {
+            $( $(#[$doc])* pub $field: $type, )*
+            /// The line.
+            pub line: LineSettings,
+        }
+
+        impl PortSettings {
+            /// A slave with id 1 at 19200 baud 8E1, the standard's default (SER 2.5.1); as a master a timeout of one second, no
+            /// retries, and 100 ms after a broadcast (SER 2.4.1).
+            pub const DEFAULT: PortSettings = PortSettings {
+                $( $field: $default, )*
+                line: LineSettings { $( $line_field: $line_default, )* },
+            };
+
+            /// Sets what this register is to a number in its range; `false` where only a few are values and it is none of them, or
+            /// where the register is no setting.
+            #[inline(always)]
+            fn set(&mut self, register: Register, number: u32) -> bool {
+                match register {
+                    $( Register::$register => assign(&mut self.$field, number), )*
+                    $( Register::$line_register => assign(&mut self.line.$line_field, number), )*
+                    _ => false,
+                }
+            }
+
+            /// Reads a register that is a setting; 0 for others.
+            #[inline(never)]
+            pub(super) fn read(&self, register: Register) -> u32 {
+                match register {
+                    $( Register::$register => self.$field.number(), )*
+                    $( Register::$line_register => self.line.$line_field.number(), )*
+                    _ => 0,
+                }
+            }
+        }
+
+        impl Register {
+            /// Whether it is a setting of the line.
+            pub(super) const fn is_of_line(self) -> bool {
+                matches!(self, $( Register::$line_register )|*)
+            }
+        }
+    };
 }
 
-/// How the wires of a port are used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Duplex {
-    /// One pair for both directions: the driver is enabled (DE) only while the port talks. RS-485.
-    Half = 0,
-    /// A pair for each direction, and no driver to enable. RS-232, RS-422.
-    Full = 1,
-}
+port_registers!(settings);
 
-/// Hardware flow control.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Flow {
-    /// None.
-    None = 0,
-    /// RTS and CTS.
-    RtsCts = 1,
-}
+/// SLAVEID of a slave: 0 is for broadcasts (SER 2.2).
+const SLAVES: (u32, u32) = (1, Register::SlaveId.highest());
 
-/// What ends an RTU frame, and which gaps it may have inside (SER 2.5.1.1). ASCII has a rule of its own: up to a second
-/// between characters (SER 2.5.2).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum InterCharacter {
-    /// The standard: a silence of t3.5 ends a frame; one with a gap of more than t1.5 is dropped and counted.
-    Strict,
-    /// A silence of t3.5, less [the margin for two clocks](crate::timing::margin), ends a frame, and shorter gaps do no harm.
-    Off,
-    /// A silence of so many ms ends a frame, 2..=50, and shorter gaps do no harm: for peers behind USB adapters,
-    /// which pause for 16 ms inside frames. Where t3.5 is longer, t3.5 ends it.
-    Gap(u8),
-}
-
-impl InterCharacter {
-    /// Bounds of [`Gap`](Self::Gap) in ms, both ends included.
-    pub const GAP: (u32, u32) = (2, 50);
-}
-
-/// The line of a port.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LineSettings {
-    /// Bits per second.
-    pub baud: u32,
-    /// RTU, ASCII, or text.
-    pub framing: Framing,
-    /// Data bits, parity and stop bits.
-    pub format: LineFormat,
-    /// How the wires are used.
-    pub duplex: Duplex,
-    /// Hardware flow control.
-    pub flow: Flow,
-    /// What ends an RTU frame.
-    pub inter_character: InterCharacter,
-    /// CTS_TIMEOUT: how long a frame waits for CTS, 1..=65535 ms.
-    pub cts_timeout_ms: u16,
-    /// DE_LEAD: between DE and the first start bit, 0..=10000 us.
-    pub de_lead_us: u16,
-    /// RESPONSE_DELAY: how long a slave's answer waits after t3.5, 0..=1000 ms.
-    pub response_delay_ms: u16,
-}
-
-/// The settings of a port that registers begin with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PortSettings {
-    /// MODE.
-    pub mode: Mode,
-    /// BASE.
-    pub base: u16,
-    /// SLAVEID: 1..=247 for a slave, 0..=247 for a master.
-    pub slave_id: u8,
-    /// TIMEOUT, 1..=65535 ms.
-    pub timeout_ms: u16,
-    /// RETRIES.
-    pub retries: u8,
-    /// TURNAROUND.
-    pub turnaround_ms: u16,
-    /// LATE_GUARD, 0 for [`timeout_ms`](Self::timeout_ms).
-    pub late_guard_ms: u16,
-    /// REQUEST_GAP.
-    pub request_gap_ms: u16,
-    /// BAUD, FRAMING, FORMAT, DUPLEX, FLOW, INTER_CHARACTER, CTS_TIMEOUT, DE_LEAD, RESPONSE_DELAY.
-    pub line: LineSettings,
-}
-
-impl Mode {
-    /// Whether it takes part in transactions, for which [`Framing::Text`] is of no use.
-    pub const fn talks(self) -> bool {
-        matches!(self, Mode::Master | Mode::Slave)
+fn assign<T: Number>(place: &mut T, number: u32) -> bool {
+    match T::from_number(number) {
+        Some(value) => {
+            *place = value;
+            true
+        }
+        None => false,
     }
 }
 
 impl PortSettings {
-    /// BAUD, both ends included. What the clock makes of it is the board's business.
-    pub const BAUD: (u32, u32) = (300, 10_000_000);
-    /// TIMEOUT in ms.
-    pub const TIMEOUT: (u32, u32) = (1, 65_535);
-    /// CTS_TIMEOUT in ms.
-    pub const CTS_TIMEOUT: (u32, u32) = (1, 65_535);
-    /// DE_LEAD in us.
-    pub const DE_LEAD: (u32, u32) = (0, 10_000);
-    /// RESPONSE_DELAY in ms.
-    pub const RESPONSE_DELAY: (u32, u32) = (0, 1000);
+    /// The lowest and the highest number that a register takes as all else is set; `None` for one that takes none, or one of a few.
+    pub const fn range(&self, register: Register) -> Option<(u32, u32)> {
+        match register {
+            Register::SlaveId if matches!(self.mode, Mode::Slave) => Some(SLAVES),
+            _ => register.range(),
+        }
+    }
 
-    /// A slave with id 1 at 19200 baud 8E1, the standard's default (SER 2.5.1); as a master a timeout of one second, no
-    /// retries, and 100 ms after a broadcast (SER 2.4.1).
-    pub const DEFAULT: PortSettings = PortSettings {
-        mode: Mode::Slave,
-        base: 0,
-        slave_id: 1,
-        timeout_ms: 1000,
-        retries: 0,
-        turnaround_ms: 100,
-        late_guard_ms: 0,
-        request_gap_ms: 0,
-        line: LineSettings {
-            baud: 19_200,
-            framing: Framing::Rtu,
-            format: LineFormat::F8E1,
-            duplex: Duplex::Half,
-            flow: Flow::None,
-            inter_character: InterCharacter::Strict,
-            cts_timeout_ms: 1000,
-            de_lead_us: 0,
-            response_delay_ms: 0,
-        },
-    };
+    /// What of all this cannot be together; `None` if it can.
+    pub const fn conflict(&self) -> Option<Reason> {
+        let line = &self.line;
+        if self.mode.talks() && matches!(line.framing, Framing::Text) {
+            Some(Reason::Text)
+        } else if matches!(self.mode, Mode::Slave) && self.slave_id == 0 {
+            Some(Reason::SlaveZero)
+        } else if matches!(line.framing, Framing::Rtu) && line.format.data_bits() != 8 {
+            Some(Reason::SevenBits)
+        } else {
+            None
+        }
+    }
+
+    /// What is wrong with a number that a register does not take.
+    pub(super) fn wrong(&self, register: Register) -> Reason {
+        if register == Register::SlaveId && self.mode == Mode::Slave {
+            Reason::Range(SLAVES.0, SLAVES.1)
+        } else {
+            Reason::Value
+        }
+    }
+
+    /// Loads a register that is a setting, with a number in its range; `line` says whether the chip can do what concerns the line.
+    ///
+    /// # Errors
+    ///
+    /// Why it keeps its value.
+    #[inline(never)]
+    pub(super) fn load(
+        &mut self,
+        register: Register,
+        number: u32,
+        line: &dyn Fn(&LineSettings) -> Result<(), Reason>,
+    ) -> Result<(), Reason> {
+        let mut new = *self;
+        if !new.set(register, number) {
+            return Err(match (register, number) {
+                (Register::Mode, 4) => Reason::NotYet,
+                _ => Reason::Value,
+            });
+        }
+        match new.conflict() {
+            Some(Reason::SlaveZero) if register == Register::SlaveId => {
+                return Err(self.wrong(register));
+            }
+            Some(reason) => return Err(reason),
+            None => {}
+        }
+        if register.is_of_line() {
+            line(&new.line)?;
+        }
+        *self = new;
+        Ok(())
+    }
 }
 
 /// STATUS: how the transaction under way stands, or how the last one ended.

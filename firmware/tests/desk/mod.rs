@@ -3,6 +3,7 @@
 //! Tasks are polled when they are woken and not otherwise, so that a wake-up that is missing shows.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
+pub mod once;
 pub mod routed;
 
 use std::cell::{Cell, RefCell};

@@ -1,11 +1,11 @@
 //! `bench`: builds images as they are flashed, those of the STM32 for QEMU too, and measures them on the simulated bus.
 
-use crate::cli::LineOptions;
 use crate::error::Error;
 use crate::firmware::Builder;
 use crate::image::{App, Board, Image, Options, word};
 use crate::needs::Purpose;
-use crate::sim::{Scenario, program};
+use crate::scenario::{LineOptions, Scenario};
+use crate::sim::program;
 use crate::toolchain::Toolchain;
 use crate::{python, repo, setup, size};
 use std::path::{Path, PathBuf};

@@ -1,19 +1,15 @@
 //! `test`: every check and test of the repository, counted on the last line.
 
-use crate::cli::LineOptions;
 use crate::error::Error;
 use crate::firmware::{Builder, collect_files};
 use crate::image::{App, Board, Format, Image, Options};
 use crate::needs::Purpose;
-use crate::sim::Scenario;
+use crate::repo::SIMULATED;
+use crate::scenario::{LineOptions, Scenario};
 use crate::tally::{Counts, Tally};
-use crate::{bench, guide, mutants, python, repo, setup};
+use crate::{bench, guide, layout, mutants, python, repo, setup};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
-
-/// The packages whose tests run as release builds: the simulated bus is too slow without optimisation. All others are
-/// tested as debug builds, with overflow checks.
-pub const SIMULATED: [&str; 2] = ["multidrop-bus", "multidrop-tests"];
 
 /// Which stream a tool prints its summary to.
 enum Summary {
@@ -63,21 +59,32 @@ fn run_all(tally: &mut Tally) {
     let mut host_lint = repo::cargo_in_root(&[&lint[..], &["--", "-D", "warnings"]].concat());
     check(tally, "clippy of the host's crates", &mut host_lint);
 
+    headline("how the repository is divided");
+    layout::run(tally);
+
     headline("README, guide and API documentation");
     guide::run(tally);
 
     let builder = Builder::new();
     match &builder {
         Ok(builder) => {
-            let stm32 = ["--no-default-features", "--features", "qemu"];
+            let stm32 = ["--workspace", "--no-default-features", "--features", "qemu"];
             for (name, board, options) in [
                 (
                     "clippy of the Nano's crates",
                     Board::Nano,
                     &["--workspace"][..],
                 ),
-                ("clippy of the STM32's crate", Board::Stm32, &[]),
-                ("clippy of the STM32's crate for QEMU", Board::Stm32, &stm32),
+                (
+                    "clippy of the STM32's crates",
+                    Board::Stm32,
+                    &["--workspace"],
+                ),
+                (
+                    "clippy of the STM32's crates for QEMU",
+                    Board::Stm32,
+                    &stm32,
+                ),
             ] {
                 let mut lint = builder.toolchain().cargo_in_board(board);
                 lint.args(["clippy", "--release", "--target-dir"])
@@ -205,9 +212,11 @@ fn all_images() -> Vec<Image> {
 /// rustfmt itself, on every file: the board's cargo wants a compiler that may bring no rustfmt.
 fn check_board_format(tally: &mut Tally) {
     let mut files = Vec::new();
-    let listed = [Board::Nano, Board::Stm32]
+    let boards = [Board::Nano, Board::Stm32].map(Board::folder);
+    let listed = boards
         .iter()
-        .try_for_each(|board| collect_files(&repo::root().join(board.folder()), &mut files));
+        .chain(&["tests/nano", "tests/stm32"])
+        .try_for_each(|folder| collect_files(&repo::root().join(folder), &mut files));
     files.retain(|file| file.extension().is_some_and(|extension| extension == "rs"));
     let mut rustfmt = Command::new("rustfmt");
     rustfmt

@@ -3,7 +3,7 @@
 use crate::fuses::Bod;
 use crate::image::{App, Board, Bootloader, Format, Options};
 use crate::mutants::MutantsRequest;
-use crate::sim::Scenario;
+use crate::scenario::{LineOptions, Scenario};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::path::PathBuf;
@@ -41,10 +41,10 @@ pub enum Command {
     },
     /// Run every check and test; the last line is `N passed, N failed`.
     Test,
-    /// Build an example of the Nano's HAL or of the STM32's board, for the tests; the last line is `image: PATH`.
+    /// Build a program that only tests run, or an example of the Nano's HAL; the last line is `image: PATH`.
     #[command(hide = true)]
     Example {
-        /// The example.
+        /// The program.
         name: String,
         /// Of the STM32's board.
         #[arg(long)]
@@ -163,20 +163,6 @@ pub struct SimRequest {
     pub qemu: bool,
     #[command(flatten)]
     pub line: LineOptions,
-}
-
-/// The line of a scenario whose image can be built for several.
-#[derive(Args, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LineOptions {
-    /// Baud rate of nano-conformance, as for build [default: 38400]
-    #[arg(long, value_name = "N")]
-    pub baud: Option<u32>,
-    /// Character format of nano-conformance [default: 8N1, 7E1 for ASCII]
-    #[arg(long, value_enum, ignore_case = true)]
-    pub format: Option<Format>,
-    /// nano-conformance in ASCII
-    #[arg(long)]
-    pub ascii: bool,
 }
 
 /// Which image goes where.

@@ -1,9 +1,9 @@
 //! `demo`: sets up, builds, and becomes the demonstration.
 
-use crate::cli::LineOptions;
 use crate::error::Error;
 use crate::needs::Purpose;
-use crate::sim::{Scenario, build_images, program};
+use crate::scenario::{LineOptions, Scenario};
+use crate::sim::{build_images, program};
 use crate::{job, repo, setup};
 
 /// Comes back only if something fails.

@@ -15,6 +15,9 @@ use std::process::Command;
 /// What an image is made from: folders, and the manifest from which their packages inherit.
 const SOURCES: &[&str] = &["protocol", "firmware", "apps", "Cargo.toml"];
 
+/// The Nano's HAL.
+const HAL: &str = "board-nano/embassy-avr-hal";
+
 /// `build`: the image, its sizes, and its path on the last line.
 ///
 /// # Errors
@@ -40,7 +43,7 @@ pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
 pub const WITHOUT_WATCHDOG: &str =
     "without watchdog: the old boot loader would start again and again after a reset by it";
 
-/// `example`: an example of the Nano's HAL or of the STM32's board, and its path on the last line.
+/// `example`: a program that only tests run, or an example of the Nano's HAL, and its path on the last line.
 ///
 /// # Errors
 /// [`Error::usage`] for a missing compiler, before anything is built; else what cargo said.
@@ -136,7 +139,8 @@ impl Builder {
         Ok(elf)
     }
 
-    /// Builds an example of a board, of the STM32's for QEMU if `qemu`, and gives its path, from the root of the repository.
+    /// Builds a program that only tests run, for the STM32 in QEMU if `qemu`, or an example of the Nano's HAL, and gives its path,
+    /// from the root of the repository.
     ///
     /// # Errors
     /// [`Error::failed`] when cargo fails.
@@ -148,12 +152,18 @@ impl Builder {
         baud: Option<u32>,
     ) -> Result<PathBuf, Error> {
         let mut cargo = self.toolchain.cargo_in_board(board);
-        cargo.args(["build", "--release", "--example", name]);
-        cargo.args(match board {
-            Board::Nano => &["--package", "embassy-avr-hal"][..],
-            Board::Stm32 if qemu => &["--no-default-features", "--features", "qemu"],
-            Board::Stm32 => &[],
-        });
+        let shown = format!("{HAL}/examples/{name}.rs");
+        let is_shown = board == Board::Nano && repo::root().join(shown).is_file();
+        cargo.args(["build", "--release"]);
+        match board {
+            Board::Nano if is_shown => cargo.args(["--package", "embassy-avr-hal", "--example"]),
+            Board::Nano => cargo.args(["--package", "nano-fixtures", "--bin"]),
+            Board::Stm32 => cargo.args(["--package", "stm32-fixtures", "--bin"]),
+        };
+        cargo.arg(name);
+        if qemu {
+            cargo.args(["--no-default-features", "--features", "qemu"]);
+        }
         cargo
             .arg("--target-dir")
             .arg(repo::root().join(board.target_dir()));
@@ -163,8 +173,9 @@ impl Builder {
         };
         repo::run(&mut cargo)?;
         let made = match board {
-            Board::Nano => format!("target/avr/avr-none/release/examples/{name}.elf"),
-            Board::Stm32 => format!("target/stm32/thumbv7em-none-eabihf/release/examples/{name}"),
+            Board::Nano if is_shown => format!("target/avr/avr-none/release/examples/{name}.elf"),
+            Board::Nano => format!("target/avr/avr-none/release/{name}.elf"),
+            Board::Stm32 => format!("target/stm32/thumbv7em-none-eabihf/release/{name}"),
         };
         let Some(baud) = baud else {
             return Ok(made.into());

@@ -137,7 +137,8 @@ fn run_counted(tally: &mut Tally, name: &str, command: &mut Command) {
 }
 
 /// The files with this extension below `folder`, from `root`; not what a build has made, nor what is hidden.
-fn collect(
+/// The files with this extension below a folder, build results and hidden files aside.
+pub fn collect(
     root: &Path,
     folder: &Path,
     extension: &str,

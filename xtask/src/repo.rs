@@ -8,6 +8,10 @@ use std::sync::OnceLock;
 /// Files that only the root of a checkout has.
 const MARKS: &[&str] = &["xtask/Cargo.toml", "protocol/Cargo.toml"];
 
+/// The packages whose tests run as release builds: the simulated bus is too slow without optimisation. All others are
+/// tested as debug builds, with overflow checks.
+pub const SIMULATED: [&str; 2] = ["multidrop-bus", "multidrop-tests"];
+
 /// The root of the repository: of the one that the command is called in, not of the one that it was built in. A checkout
 /// copied with its target folder has a command that was built in another one.
 ///

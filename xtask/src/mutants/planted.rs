@@ -47,7 +47,7 @@ struct List {
 impl Test {
     /// Whether the host alone runs it: no firmware image, no simulator.
     pub fn is_on_host(&self) -> bool {
-        !crate::check::SIMULATED.contains(&self.package.as_str())
+        !crate::repo::SIMULATED.contains(&self.package.as_str())
     }
 }
 

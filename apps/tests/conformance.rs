@@ -3,7 +3,7 @@
 use multidrop::protocol::Adu;
 use multidrop::protocol::data::{BytesOut, RegistersOut};
 use multidrop::protocol::exception::Exception;
-use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::server::{Conformity, Counted, DataModel, FunctionSet, Server};
 use multidrop_apps::conformance::Conformance;
 

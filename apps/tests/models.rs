@@ -9,8 +9,8 @@ use std::task::{Context, Poll, Waker};
 
 use multidrop::line::{Key, Lend, Line, LineConfig, LineError};
 use multidrop::protocol::Adu;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::Duplex;
-use multidrop::protocol::rtu::ReceiveErrors;
 use multidrop::protocol::server::{Counted, DataModel, Server};
 use multidrop::{PortConfig, ResetCause, ServerPort, Stack};
 use multidrop_apps::demo_unit::DemoUnit;

@@ -37,7 +37,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 use multidrop_protocol::Adu;
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_protocol::sniffer::{Counts, Direction, Sniffer, Text, write_damaged, write_frame};
 
 /// Observes a line.
@@ -179,7 +179,7 @@ impl<const N: usize> Records<N> {
             _ => Direction::Exception,
         };
         let seen = match head[8].checked_sub(DAMAGED) {
-            Some(errors) => Seen::Damaged(ReceiveErrors::from_bits(errors)),
+            Some(errors) => Seen::Damaged(ReceiveErrors::from_bits_truncate(errors)),
             None => Seen::Frame(direction, &rest[..len]),
         };
         (u64::from_le_bytes(time), seen, HEAD + len)

@@ -7,7 +7,7 @@ use desk::{Desk, Heard, SENDS};
 use multidrop::client::Blame;
 use multidrop::protocol::client::{Diagnostic, RequestError};
 use multidrop::protocol::exception::Exception;
-use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::{ClientConfig, ClientError};
 
 /// What becomes of a first read of register 7 of unit 17, and the ms it takes. A second one, of register 9,

@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use desk::{Desk, Heard, Registers, SENDS, read};
-use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::{ClientConfig, ClientError};
 
 const TIMEOUT: u64 = 60;

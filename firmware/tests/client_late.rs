@@ -9,7 +9,7 @@ use desk::{Desk, Heard, Registers, SENDS, read};
 use multidrop::poll::{PollEntry, PollList};
 use multidrop::protocol::client::Diagnostic;
 use multidrop::protocol::exception::Exception;
-use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::{ClientConfig, ClientError};
 
 const TIMEOUT: u64 = 100;

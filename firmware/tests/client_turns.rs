@@ -5,7 +5,7 @@ mod desk;
 use desk::once::{CONFIG, DELAY, TIMEOUT, once};
 use desk::{Desk, Heard, Registers, SENDS};
 use multidrop::ClientError;
-use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::frame::ReceiveErrors;
 use std::cell::RefCell;
 use std::rc::Rc;
 

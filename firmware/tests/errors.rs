@@ -4,8 +4,8 @@ use multidrop::client::{Blame, ClientError};
 use multidrop::managed::Failure;
 use multidrop::protocol::client::{AnswerError, Failure as Ended, RequestError};
 use multidrop::protocol::exception::Exception;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::Status;
-use multidrop::protocol::rtu::ReceiveErrors;
 
 /// Each error, what it says, whose it is, and STATUS and ERROR of a port where it ends a transaction.
 const ERRORS: &[(ClientError, &str, Blame, Status, u8)] = &[

@@ -13,9 +13,9 @@ use multidrop::line::Role;
 use multidrop::managed::{EVENTS, Failure};
 use multidrop::protocol::exception::Exception;
 use multidrop::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::Status;
 use multidrop::protocol::registers::{CoilBank, ScanList, SparseBank};
-use multidrop::protocol::rtu::ReceiveErrors;
 
 #[test]
 fn a_master_reads_and_writes_what_its_registers_describe() {

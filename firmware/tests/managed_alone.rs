@@ -9,9 +9,9 @@ use bench::{Bench, SENDS, TestLine, Wire};
 use multidrop::PortConfig;
 use multidrop::managed::{ManagedPort, managed_receive, managed_run};
 use multidrop::protocol::format::Framing;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::{Mode, PortRegisters, Reason, Refused, Register};
 use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
-use multidrop::protocol::rtu::ReceiveErrors;
 use multidrop::protocol::server::Counted;
 use multidrop::sniff::{Capture, Observer};
 

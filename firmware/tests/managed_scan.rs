@@ -11,9 +11,9 @@ use multidrop::PortConfig;
 use multidrop::client::ClientError;
 use multidrop::managed::{Failure, ManagedPort, Outcome, managed_receive, managed_run};
 use multidrop::protocol::exception::Exception;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::{PortRegisters, Register};
 use multidrop::protocol::registers::{CoilBank, Items, NoRules, ScanList, SparseBank};
-use multidrop::protocol::rtu::ReceiveErrors;
 
 const RS4: PortConfig = PortConfig::new("RS4")
     .client()

@@ -5,7 +5,7 @@ mod desk;
 use desk::{Desk, Heard, Registers, SENDS};
 use multidrop::poll::{PollEntry, PollList};
 use multidrop::protocol::exception::Exception;
-use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::{ClientConfig, ClientError};
 
 const CONFIG: ClientConfig = ClientConfig::new().timeout_ms(50);

@@ -9,9 +9,9 @@ use std::rc::Rc;
 use desk::{Desk, Heard, SENDS, TestLine};
 use multidrop::poll::{Health, PollEntry, PollList};
 use multidrop::protocol::exception::Exception;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::PortRegisters;
 use multidrop::protocol::registers::{Bank, NoCoils, NoRules};
-use multidrop::protocol::rtu::ReceiveErrors;
 use multidrop::{ClientConfig, ClientError, ManagedPort, PortConfig};
 
 const CONFIG: ClientConfig = ClientConfig::new().timeout_ms(40).late_guard_ms(1);

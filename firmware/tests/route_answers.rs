@@ -5,7 +5,7 @@ mod desk;
 use desk::routed::{open, sent};
 use desk::{Desk, Heard, SENDS, Wire};
 use multidrop::ClientConfig;
-use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::frame::ReceiveErrors;
 
 const TIMEOUT: u64 = 50;
 const TURNAROUND: u64 = 30;

@@ -7,9 +7,9 @@ use bench::{Bench, Event, TestLine, Wire};
 use multidrop::PortConfig;
 use multidrop::managed::{ManagedPort, managed_receive, managed_run};
 use multidrop::protocol::format::Framing;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::{Mode, PortRegisters, Register};
 use multidrop::protocol::registers::{Bank, CoilBank, NoRules};
-use multidrop::protocol::rtu::ReceiveErrors;
 use multidrop::sniff::{Capture, Seen};
 
 const RS4: PortConfig = PortConfig::new("RS4")

@@ -11,8 +11,8 @@ use std::task::{Context, Poll, Waker};
 use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError, TransmitError};
 use multidrop::protocol::data::{Registers, RegistersOut};
 use multidrop::protocol::exception::Exception;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::registers::Bank;
-use multidrop::protocol::rtu::ReceiveErrors;
 use multidrop::protocol::server::{ApplicationFunction, Counted, DataModel};
 use multidrop::{PortConfig, ServerPort, Shared};
 

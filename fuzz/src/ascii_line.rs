@@ -1,6 +1,6 @@
 //! Characters of ASCII in time, and what else befalls a line, on the simulated USART of the harness.
 
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 
 use crate::input::Input;
 use multidrop_testkit::harness::ascii::{self, framed};

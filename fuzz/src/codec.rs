@@ -1,7 +1,8 @@
 //! Frames as a whole and byte by byte.
 
 use multidrop_protocol::Adu;
-use multidrop_protocol::rtu::{self, EncodeError, ReceiveErrors, Reception, Transmission};
+use multidrop_protocol::frame::{EncodeError, ReceiveErrors};
+use multidrop_protocol::rtu::{self, Reception, Transmission};
 
 use multidrop_testkit::harness::book;
 

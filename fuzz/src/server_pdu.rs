@@ -2,7 +2,7 @@
 
 use multidrop_apps::conformance::Conformance;
 use multidrop_protocol::Adu;
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_protocol::server::{Counted, DataModel, Plan, Server};
 
 use crate::input::Input;

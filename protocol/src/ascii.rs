@@ -8,7 +8,7 @@
 //! digit, `:` or CR keeps its meaning everywhere else.
 
 use crate::Adu;
-use crate::rtu::{EncodeError, ReceiveErrors, Received};
+use crate::frame::{self, EncodeError, ReceiveErrors, Received, len_of};
 
 /// Characters of the shortest ASCII frame: unit id, function code, LRC.
 pub const ADU_MIN: usize = 9;
@@ -23,8 +23,8 @@ pub const DELIMITER: u8 = b'\n';
 const CR: u8 = b'\r';
 
 /// Bytes of the shortest frame with its LRC, and of the longest.
-const BYTES_MIN: u8 = 3;
-const BYTES_MAX: u8 = 255;
+const BYTES_MIN: u8 = frame::LEN_MIN + 1;
+const BYTES_MAX: u8 = frame::LEN_MAX + 1;
 
 /// The value of a digit that has not been received.
 const NO_DIGIT: u8 = 0xFF;
@@ -275,9 +275,7 @@ pub fn encode<'a>(
     delimiter: u8,
     out: &'a mut [u8],
 ) -> Result<&'a [u8], EncodeError> {
-    let Some(len @ 2..=254) = u8::try_from(unit_pdu.len()).ok() else {
-        return Err(EncodeError::Length);
-    };
+    let len = len_of(unit_pdu)?;
     let frame = out
         .get_mut(..2 * usize::from(len) + 5)
         .ok_or(EncodeError::Room)?;

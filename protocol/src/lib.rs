@@ -8,6 +8,7 @@
 //! | [`crc`] | the CRC of an RTU frame, byte by byte |
 //! | [`format`](mod@format) | data bits, parity and stop bits of a character |
 //! | [`timing`] | character time, t1.5 and t3.5 in the caller's ticks |
+//! | [`frame`] | limits of a frame, and the errors of one |
 //! | [`rtu`], [`ascii`] | encoding and decoding of frames, byte by byte or whole |
 //! | [`function`], [`exception`] | codes and limits of the standard |
 //! | [`data`] | blocks of coils and registers as they are encoded in a frame |
@@ -34,6 +35,7 @@ pub mod crc;
 pub mod data;
 pub mod exception;
 pub mod format;
+pub mod frame;
 pub mod function;
 pub mod line;
 pub mod message;

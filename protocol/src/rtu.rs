@@ -5,11 +5,9 @@
 //! frame without the CRC, `[unit, function, data...]`, in an [`Adu`]. [`encode`] and [`decode`] convert a whole
 //! frame.
 
-use core::fmt;
-use core::ops::{BitOr, BitOrAssign};
-
 use crate::Adu;
 use crate::crc::{self, Sum};
+use crate::frame::{EncodeError, ReceiveErrors, Received, len_of};
 
 /// Bytes of the shortest RTU frame (SER 2.5.1): unit id, function code, CRC.
 pub const ADU_MIN: usize = 4;
@@ -18,114 +16,6 @@ pub const ADU_MAX: usize = 256;
 
 /// Bytes of the CRC behind unit id and PDU.
 const CRC_LEN: u8 = 2;
-
-/// The errors of a received frame; empty for a good frame.
-///
-/// A frame with an error is dropped and never answered (SER 2.5.1.1, 2.5.1.3, 2.5.2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct ReceiveErrors(u8);
-
-impl ReceiveErrors {
-    /// No error: the frame is good.
-    pub const NONE: ReceiveErrors = ReceiveErrors(0);
-    /// A silence over t1.5 inside an RTU frame, over a second inside an ASCII frame (SER 2.5.1.1, 2.5.2).
-    pub const GAP: ReceiveErrors = ReceiveErrors(1 << 0);
-    /// A character with wrong parity.
-    pub const PARITY: ReceiveErrors = ReceiveErrors(1 << 1);
-    /// A character without its stop bit.
-    pub const FRAMING: ReceiveErrors = ReceiveErrors(1 << 2);
-    /// A character was lost because the one before was not read in time.
-    pub const OVERRUN: ReceiveErrors = ReceiveErrors(1 << 3);
-    /// Under 4 or over 256 bytes; in ASCII under 9 or over 513 characters, or an odd number of digits.
-    pub const LENGTH: ReceiveErrors = ReceiveErrors(1 << 4);
-    /// The CRC or LRC does not match.
-    pub const CHECK: ReceiveErrors = ReceiveErrors(1 << 5);
-    /// A character that ASCII does not allow where it stands.
-    pub const CHARACTER: ReceiveErrors = ReceiveErrors(1 << 6);
-
-    /// The frame is too short so far, but its first character is kept elsewhere until the buffer is free. Only the
-    /// line uses this bit.
-    pub(crate) const KEPT: ReceiveErrors = ReceiveErrors(1 << 7 | ReceiveErrors::LENGTH.0);
-
-    /// Whether the frame is good.
-    #[inline(always)]
-    pub const fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    /// Whether these errors include all of `other`.
-    #[inline(always)]
-    pub const fn contains(self, other: ReceiveErrors) -> bool {
-        self.0 & other.0 == other.0
-    }
-
-    /// The errors of both.
-    #[inline(always)]
-    pub const fn union(self, other: ReceiveErrors) -> ReceiveErrors {
-        ReceiveErrors(self.0 | other.0)
-    }
-
-    /// One bit for each error, for a log or an atomic.
-    #[inline(always)]
-    pub const fn bits(self) -> u8 {
-        self.0
-    }
-
-    /// The errors of [`bits`](ReceiveErrors::bits); unknown bits are ignored.
-    #[inline(always)]
-    pub const fn from_bits(bits: u8) -> ReceiveErrors {
-        ReceiveErrors(bits & 0x7F)
-    }
-}
-
-impl BitOr for ReceiveErrors {
-    type Output = ReceiveErrors;
-    #[inline(always)]
-    fn bitor(self, other: ReceiveErrors) -> ReceiveErrors {
-        self.union(other)
-    }
-}
-
-impl BitOrAssign for ReceiveErrors {
-    #[inline(always)]
-    fn bitor_assign(&mut self, other: ReceiveErrors) {
-        *self = self.union(other);
-    }
-}
-
-/// The names of the errors, as in `gap, parity error`.
-impl fmt::Display for ReceiveErrors {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const NAMES: [(ReceiveErrors, &str); 7] = [
-            (ReceiveErrors::GAP, "gap"),
-            (ReceiveErrors::PARITY, "parity error"),
-            (ReceiveErrors::FRAMING, "framing error"),
-            (ReceiveErrors::OVERRUN, "overrun"),
-            (ReceiveErrors::LENGTH, "wrong length"),
-            (ReceiveErrors::CHECK, "CRC or LRC error"),
-            (ReceiveErrors::CHARACTER, "invalid character"),
-        ];
-        if self.is_empty() {
-            return f.write_str("no error");
-        }
-        let found = NAMES.iter().filter(|(error, _)| self.contains(*error));
-        for (index, (_, name)) in found.enumerate() {
-            f.write_str(if index > 0 { ", " } else { "" })?;
-            f.write_str(name)?;
-        }
-        Ok(())
-    }
-}
-
-/// The result of a reception.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Received {
-    /// Bytes of unit id and PDU at the start of the buffer, without CRC or LRC: 2..=254 in a good frame, 0..=254 in a
-    /// damaged one.
-    pub len: u8,
-    /// The errors of the frame.
-    pub errors: ReceiveErrors,
-}
 
 /// Assembles a frame from its bytes.
 ///
@@ -259,9 +149,7 @@ impl Transmission {
     /// The next byte to send, or `None` after the last one.
     #[inline(always)]
     pub fn next(&mut self, adu: &Adu) -> Option<u8> {
-        if self.position != self.len {
-            let byte = adu[usize::from(self.position)];
-            self.position = self.position.wrapping_add(1);
+        if let Some(byte) = self.next_text(adu) {
             self.sum.push(byte);
             return Some(byte);
         }
@@ -303,26 +191,16 @@ impl Default for Transmission {
     }
 }
 
-/// Why a frame cannot be encoded. The caller is to blame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EncodeError {
-    /// Unit id and PDU are not 2..=254 bytes.
-    Length,
-    /// The output is too small for the frame.
-    Room,
-}
-
 /// Encodes unit id and PDU as a frame with its CRC, at the start of `out`.
 ///
 /// # Errors
 ///
 /// [`EncodeError`]; `out` is unchanged.
 pub fn encode<'a>(unit_pdu: &[u8], out: &'a mut [u8]) -> Result<&'a [u8], EncodeError> {
-    let len = unit_pdu.len();
-    if !(ADU_MIN - 2..=ADU_MAX - 2).contains(&len) {
-        return Err(EncodeError::Length);
-    }
-    let frame = out.get_mut(..len + 2).ok_or(EncodeError::Room)?;
+    let len = usize::from(len_of(unit_pdu)?);
+    let frame = out
+        .get_mut(..len + usize::from(CRC_LEN))
+        .ok_or(EncodeError::Room)?;
     let (body, check) = frame.split_at_mut(len);
     body.copy_from_slice(unit_pdu);
     check.copy_from_slice(&crc::checksum(unit_pdu).to_le_bytes());

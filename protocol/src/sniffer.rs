@@ -9,8 +9,8 @@
 
 use crate::BROADCAST;
 use crate::crc;
+use crate::frame::ReceiveErrors;
 use crate::function::{self, EXCEPTION_BIT};
-use crate::rtu::ReceiveErrors;
 
 /// The direction of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,7 +4,7 @@
 use multidrop_protocol::ascii::{
     self, ADU_MAX, ADU_MIN, DELIMITER, Decoded, Reception, Transmission, decode, encode,
 };
-use multidrop_protocol::rtu::{EncodeError, ReceiveErrors};
+use multidrop_protocol::frame::{EncodeError, ReceiveErrors};
 use multidrop_testkit::harness::ascii::framed;
 use multidrop_testkit::harness::random::Random;
 

@@ -1,6 +1,6 @@
 //! The rules of an ASCII line one by one, to the tick.
 
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_testkit::harness::ascii::{self, framed};
 use multidrop_testkit::harness::book::{self, Book};
 use multidrop_testkit::harness::bus::{SECOND, Settings};

@@ -2,7 +2,7 @@
 
 use multidrop_protocol::client::{AnswerError, Asking, Event, Failure, LateAnswers, Moment, Next};
 use multidrop_protocol::exception::Exception;
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use proptest::collection::vec;
 use proptest::prelude::*;
 

@@ -5,7 +5,7 @@ mod common;
 
 use common::{LOCKED, Tables, UNIT};
 use multidrop_protocol::Adu;
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_protocol::server::{Counted, Server};
 
 struct Unit {

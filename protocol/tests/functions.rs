@@ -6,7 +6,7 @@ mod common;
 use common::{UNIT, ask_server};
 use multidrop_protocol::data::{BytesOut, Coils, CoilsOut, Registers, RegistersOut};
 use multidrop_protocol::exception::Exception;
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_protocol::server::{
     ApplicationFunction, Counted, DataModel, Function, FunctionSet, Plan, Server,
 };

@@ -6,7 +6,8 @@ use common::{Tables, UNIT, ask, ask_on_line, refused, with_data, words};
 use multidrop_protocol::exception::Exception::{
     IllegalDataAddress, IllegalDataValue, IllegalFunction,
 };
-use multidrop_protocol::rtu::{self, EncodeError, ReceiveErrors};
+use multidrop_protocol::frame::{EncodeError, ReceiveErrors};
+use multidrop_protocol::rtu;
 
 fn expect_refused(request: &[u8], exception: multidrop_protocol::exception::Exception) {
     let mut tables = Tables::new();

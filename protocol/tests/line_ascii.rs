@@ -3,7 +3,7 @@
 mod driver;
 
 use driver::{Did, Line};
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 
 /// `:`, unit id, function code, LRC, CR and LF.
 const REQUEST: [u8; 9] = *b":1107E8\r\n";

@@ -1,6 +1,6 @@
 //! Damaged frames are told, each of them once: counters of the standard hang on it.
 
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_testkit::harness::book::framed;
 use multidrop_testkit::harness::bus::{Bus, Char, Settings};
 

@@ -5,8 +5,9 @@ mod driver;
 
 use driver::{Did, Line, REQUEST};
 use multidrop_protocol::Adu;
+use multidrop_protocol::frame::{ReceiveErrors, Received};
 use multidrop_protocol::line::{Interval, Wire};
-use multidrop_protocol::rtu::{ReceiveErrors, Received, Reception};
+use multidrop_protocol::rtu::Reception;
 
 const TALK: [Did; 2] = [Did::Talk(0x11), Did::Bound(3)];
 

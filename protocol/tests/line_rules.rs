@@ -1,6 +1,6 @@
 //! The rules of the line one by one, to the tick.
 
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_testkit::harness::book::{self, Book, framed};
 use multidrop_testkit::harness::bus::Settings;
 use multidrop_testkit::harness::judge::Verdict;

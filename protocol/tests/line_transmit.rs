@@ -1,6 +1,6 @@
 //! Sending without having been asked: a client's request.
 
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_testkit::harness::book::framed;
 use multidrop_testkit::harness::bus::{Bus, Char, Settings};
 

@@ -4,7 +4,8 @@
 mod common;
 
 use common::{LIMITED, LOCKED, Tables, UNIT, ask, exists};
-use multidrop_protocol::rtu::{self, ReceiveErrors, Reception};
+use multidrop_protocol::frame::ReceiveErrors;
+use multidrop_protocol::rtu::{self, Reception};
 use multidrop_protocol::{Adu, UNIT_MAX};
 use proptest::prelude::*;
 

@@ -1,6 +1,6 @@
 //! Requests and answers of every function, told apart and written down.
 
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_protocol::sniffer::{
     Counts, Direction, LINE_MAX, Sniffer, Text, write_damaged, write_frame,
 };

@@ -3,7 +3,7 @@
 //! What was on the wire is judged by the plain reading of the standard in the harness, and the model is compared after each
 //! batch: what it holds is what the good frames, and no other, have written.
 
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_testkit::harness::book::{self, Book, UNIT};
 use multidrop_testkit::harness::bus::Settings;
 use multidrop_testkit::harness::random::{self, Random};

@@ -2,6 +2,7 @@
 
 use multidrop_protocol::client::RequestError;
 use multidrop_protocol::format::Framing;
+use multidrop_protocol::frame::{EncodeError, ReceiveErrors};
 use multidrop_protocol::message::Message;
 use multidrop_protocol::port_registers::{Reason, Refused, Register};
 use multidrop_protocol::registers::{ScanList, SparseBank};
@@ -44,6 +45,33 @@ fn a_message_stops_the_build_with_its_text() {
     }
     let cut = message.text("\u{e9}");
     assert_eq!(cut.as_str(), "message cut inside a character");
+}
+
+#[test]
+fn the_errors_of_a_frame_are_displayed_by_name() {
+    for (errors, text) in [
+        (ReceiveErrors::NONE, "no error"),
+        (ReceiveErrors::GAP, "gap"),
+        (
+            ReceiveErrors::CHECK | ReceiveErrors::GAP,
+            "gap, CRC or LRC error",
+        ),
+        (
+            ReceiveErrors::all(),
+            "gap, parity error, framing error, overrun, wrong length, CRC or LRC error, invalid character",
+        ),
+    ] {
+        assert_eq!(errors.to_string(), text);
+        assert_eq!(format!("{errors:?}"), format!("ReceiveErrors({text})"));
+    }
+    assert_eq!(
+        EncodeError::Length.to_string(),
+        "unit id and PDU must be 2..=254 bytes"
+    );
+    assert_eq!(
+        EncodeError::Room.to_string(),
+        "the output is too small for the frame"
+    );
 }
 
 #[test]

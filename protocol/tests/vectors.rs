@@ -4,7 +4,8 @@ mod common;
 
 use common::{Tables, ask_on_line, send};
 use multidrop_protocol::Adu;
-use multidrop_protocol::rtu::{self, ReceiveErrors, Reception};
+use multidrop_protocol::frame::ReceiveErrors;
+use multidrop_protocol::rtu::{self, Reception};
 
 const FRAMES: [&[u8]; 8] = [
     &[0x01, 0x03, 0x00, 0x00, 0x00, 0x01, 0x84, 0x0A],

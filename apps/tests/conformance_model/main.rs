@@ -9,7 +9,8 @@ use std::collections::BTreeSet;
 
 use multidrop::protocol::Adu;
 use multidrop::protocol::data::{CoilsOut, RegistersOut};
-use multidrop::protocol::rtu::{ReceiveErrors, Reception};
+use multidrop::protocol::frame::ReceiveErrors;
+use multidrop::protocol::rtu::Reception;
 use multidrop::protocol::server::{Counted, DataModel, Server};
 use multidrop_apps::conformance::{Conformance, EVENTS};
 

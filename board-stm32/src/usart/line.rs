@@ -9,8 +9,8 @@ use core::task::{Context, Poll};
 use embassy_stm32::interrupt;
 use embassy_stm32::pac::Interrupt;
 use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError};
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::{Duplex, Flow};
-use multidrop::protocol::rtu::ReceiveErrors;
 use multidrop::sniff::Observer;
 
 use super::registers;

@@ -3,7 +3,7 @@
 
 use embassy_stm32::pac::gpio::{Gpio, vals::Moder, vals::Ospeedr, vals::Pupdr};
 use embassy_stm32::pac::{self, EXTI, SYSCFG, usart::Usart};
-use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::frame::ReceiveErrors;
 
 use super::settings::Settings;
 use crate::ports::{PORTS, Pin, WIRING, Wiring};

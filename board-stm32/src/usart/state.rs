@@ -9,8 +9,9 @@ use core::ptr::NonNull;
 use embassy_sync::waitqueue::WakerRegistration;
 use multidrop::line::Adu;
 use multidrop::protocol::format::Framing;
+use multidrop::protocol::frame::{ReceiveErrors, Received};
 use multidrop::protocol::line::{Ascii, Interval, LineMachine, Wire};
-use multidrop::protocol::rtu::{ReceiveErrors, Received, Reception};
+use multidrop::protocol::rtu::Reception;
 
 use super::registers::{self, ERRORS, ORE, RXNE, Registers, TC, TXE};
 use super::settings::Settings;

@@ -4,7 +4,7 @@ use core::fmt;
 
 use multidrop_protocol::client::{AnswerError, Failure, RequestError};
 use multidrop_protocol::exception::Exception;
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 
 /// Why a request has no valid answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use core::pin::pin;
 use core::task::{Context, Poll};
 
 use multidrop_protocol::client::{Asking, LateAnswers};
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 
 use super::time::now;
 use super::transaction::heard_bytes;

@@ -10,7 +10,7 @@ use core::task::{Context, Poll, ready};
 use multidrop_protocol::client::{
     AnswerError, Asking, Event, Moment, Next, Request, encode, judge,
 };
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 
 use super::destination::Take;
 use super::exchange::Expected;

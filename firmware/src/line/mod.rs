@@ -18,10 +18,10 @@ use core::future::{Future, poll_fn};
 
 pub use lend::{Frame, Key, Lend, Released};
 pub use multidrop_protocol::Adu;
+use multidrop_protocol::frame::{LEN_MAX, LEN_MIN, ReceiveErrors};
 pub use multidrop_protocol::line::{LineConfig, LineError, Role};
 use multidrop_protocol::port_registers::Duplex;
 pub use multidrop_protocol::port_registers::InterCharacter;
-use multidrop_protocol::rtu::ReceiveErrors;
 
 /// Bytes that [`Line::transmit`] cannot send. The caller's error; nothing was sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,7 +82,7 @@ pub trait Line: Lend + Sized {
     fn transmit(&self, bytes: &[u8]) -> impl Future<Output = Result<(), TransmitError>> {
         async move {
             let len = bytes.len();
-            if !(2..=254).contains(&len) {
+            if !(usize::from(LEN_MIN)..=usize::from(LEN_MAX)).contains(&len) {
                 return Err(TransmitError::Length(len));
             }
             loop {

@@ -11,9 +11,9 @@ use core::task::{Context, Poll, ready};
 
 use multidrop_protocol::client::{AnswerError, Draft, Request, RequestError};
 use multidrop_protocol::format::Framing;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_protocol::port_registers::{Mode, PortRegisters, Status, TransactionStep};
 use multidrop_protocol::registers::{Items, Rules};
-use multidrop_protocol::rtu::ReceiveErrors;
 use multidrop_protocol::server::{DataModel, Diagnostics, Plan};
 
 use super::{Failure, ManagedPort, Outcome, Started};

@@ -15,8 +15,8 @@ use std::task::{Context, Poll, Wake, Waker};
 use embassy_time::{Duration, MockDriver};
 use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError};
 use multidrop::protocol::format::Framing;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::Flow;
-use multidrop::protocol::rtu::ReceiveErrors;
 use multidrop::sniff::Observer;
 
 /// Ms from a frame's end to the verdict over it, and that a frame takes on the wire.

@@ -18,7 +18,7 @@ use std::task::{Context, Poll, Wake, Waker};
 
 use embassy_time::{Duration, MockDriver};
 use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError};
-use multidrop::protocol::rtu::ReceiveErrors;
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::{Client, ClientError, ClientPort, client_receive};
 
 /// What comes from the wire.

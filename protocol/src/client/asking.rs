@@ -34,8 +34,8 @@
 
 use super::{AnswerError, LateAnswers};
 use crate::exception::Exception;
+use crate::frame::ReceiveErrors;
 use crate::function::EXCEPTION_BIT;
-use crate::rtu::ReceiveErrors;
 
 /// The present time, and how long a request waits from now on; in the ticks of [`LateAnswers`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

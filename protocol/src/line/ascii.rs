@@ -18,7 +18,7 @@
 
 use super::{Buffer, Interval, LineMachine, Phase, Verdict, Wire};
 use crate::ascii::{DELIMITER, Decoded, Reception, START, Transmission};
-use crate::rtu::ReceiveErrors;
+use crate::frame::ReceiveErrors;
 
 /// [`Interval::Fortieth`]s of the second that may pass between two characters (SER 2.5.2.1), behind the first of them.
 const FORTIETHS: u8 = 39;

@@ -33,7 +33,8 @@ pub use ascii::Ascii;
 pub use config::{LineConfig, LineError, Role};
 pub use wire::{Interval, Wire};
 
-use crate::rtu::{ReceiveErrors, Transmission};
+use crate::frame::ReceiveErrors;
+use crate::rtu::Transmission;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -493,7 +494,7 @@ impl LineMachine {
     pub fn fetch(&mut self) -> Option<Result<u8, ReceiveErrors>> {
         if self.damaged_count > 0 {
             self.damaged_count -= 1;
-            let errors = ReceiveErrors::from_bits(self.damaged.bits());
+            let errors = ReceiveErrors::from_bits_truncate(self.damaged.bits());
             if self.damaged_count == 0 {
                 self.damaged = ReceiveErrors::NONE;
             }

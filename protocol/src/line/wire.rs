@@ -2,7 +2,7 @@
 
 use super::Ascii;
 use crate::Adu;
-use crate::rtu::Received;
+use crate::frame::Received;
 
 /// An interval that the machine asks an alarm for. How many ticks it has depends on the line's settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,10 +6,10 @@ use super::diagnostics::{Diagnostics, LINE_FEED};
 use super::event_log::{self, EventLog};
 use super::{Plan, REQUEST_HEAD, two_words};
 use crate::exception::Exception;
+use crate::frame::ReceiveErrors;
 use crate::function::{
     DIAGNOSTICS, EVENTS_MAX, EXCEPTION_BIT, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG,
 };
-use crate::rtu::ReceiveErrors;
 use crate::{Adu, BROADCAST};
 
 /// The sub-functions of Diagnostics (APP 6.8.1).

@@ -3,7 +3,7 @@
 use super::Plan;
 use crate::Adu;
 use crate::exception::Exception;
-use crate::rtu::ReceiveErrors;
+use crate::frame::ReceiveErrors;
 
 /// Whether a server counts the events of its line: [`Uncounted`] or [`Counted`](super::Counted).
 ///

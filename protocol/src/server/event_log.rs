@@ -3,7 +3,7 @@
 use core::cell::Cell;
 
 use crate::exception::Exception;
-use crate::rtu::ReceiveErrors;
+use crate::frame::ReceiveErrors;
 
 /// The bit of a receive event.
 pub(super) const RECEIVE: u8 = 0x80;

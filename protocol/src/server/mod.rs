@@ -204,7 +204,7 @@ impl<D: Diagnostics> Server<D> {
 
     /// Counts a damaged frame for any unit. Call it once for each.
     #[inline]
-    pub fn damaged(&self, errors: crate::rtu::ReceiveErrors) {
+    pub fn damaged(&self, errors: crate::frame::ReceiveErrors) {
         self.diagnostics.damaged(errors);
     }
 

@@ -2,8 +2,9 @@
 #![allow(dead_code, reason = "each test binary uses a part")]
 
 use multidrop_protocol::Adu;
+use multidrop_protocol::frame::{ReceiveErrors, Received};
 use multidrop_protocol::line::{Ascii, Interval, LineMachine, Wire};
-use multidrop_protocol::rtu::{ReceiveErrors, Received, Reception};
+use multidrop_protocol::rtu::Reception;
 
 /// What the machine has had a driver do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,7 +9,8 @@ use core::arch::asm;
 use core::cell::UnsafeCell;
 
 use multidrop::protocol::crc;
-use multidrop::protocol::rtu::{Received, Reception};
+use multidrop::protocol::frame::Received;
+use multidrop::protocol::rtu::Reception;
 
 use super::settings::Framings;
 use super::state::{ADU, SHARED};

@@ -37,8 +37,8 @@ use core::ptr::NonNull;
 use core::task::{Context, Poll};
 
 use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError};
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::Duplex;
-use multidrop::protocol::rtu::ReceiveErrors;
 
 use crate::executor;
 use crate::gpio::{DriverEnable, PD0, PD1, hold_rxd_high};

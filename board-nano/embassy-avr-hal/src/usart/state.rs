@@ -8,8 +8,8 @@ use core::marker::PhantomData;
 use core::ptr::NonNull;
 
 use multidrop::line::Adu;
+use multidrop::protocol::frame::Received;
 use multidrop::protocol::line::{Ascii, Interval, LineMachine, Wire};
-use multidrop::protocol::rtu::Received;
 use multidrop::protocol::timing::PART;
 
 use super::character::{Hot, set_attention};

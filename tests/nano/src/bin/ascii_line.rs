@@ -15,8 +15,8 @@ use embassy_avr_hal::usart::{RtuAndAscii, Settings, Usart0};
 use embassy_avr_hal::{bind_interrupts, executor, pac};
 use multidrop::line::{InterCharacter, Line, LineConfig, Role};
 use multidrop::protocol::format::{Framing, LineFormat};
+use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::Flow;
-use multidrop::protocol::rtu::ReceiveErrors;
 
 const CLOCK_HZ: u32 = 16_000_000;
 const UNIT: u8 = 17;

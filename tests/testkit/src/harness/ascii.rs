@@ -5,7 +5,7 @@ use super::bus::{Bus, Char, SECOND, Settings, Talk};
 use super::judge::{Circumstances, Verdict};
 use super::script::{self, Config, Lab, Op};
 use super::unit::{Event, Unit};
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 
 /// The frame of a unit id and a PDU, as text.
 pub fn framed(body: &[u8]) -> Vec<u8> {

@@ -3,7 +3,7 @@
 use super::book::{Book, Outcome, framed, unframed};
 use super::bus::{Bus, Char, Settings, Talk};
 use super::unit::{Event, Unit};
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 
 /// How a script makes judging easier or harder.
 pub struct Circumstances {

@@ -1,6 +1,6 @@
 //! Requests, gaps and scripts by number: the same number makes the same script.
 
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 
 use super::book::{self, UNIT};
 use super::bus::Settings;

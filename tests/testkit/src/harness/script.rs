@@ -1,6 +1,6 @@
 //! What is on the wire and what befalls the unit, one after the other.
 
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 
 use super::book::{self, Book};
 use super::bus::{Bus, Char, Settings};

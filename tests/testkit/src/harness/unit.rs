@@ -1,7 +1,7 @@
 //! The two tasks of a port, as the firmware has them: one takes frames from the line, the other works out answers.
 
 use multidrop_protocol::BROADCAST;
-use multidrop_protocol::rtu::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_protocol::server::{DataModel, Plan, Server};
 
 use super::book::{Book, UNIT};

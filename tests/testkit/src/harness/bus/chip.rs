@@ -2,8 +2,9 @@
 
 use super::{Char, FORTIETH, Settings, TIMER_ROUND, Talk};
 use multidrop_protocol::Adu;
+use multidrop_protocol::frame::Received;
 use multidrop_protocol::line::{Ascii, Interval, Wire};
-use multidrop_protocol::rtu::{Received, Reception};
+use multidrop_protocol::rtu::Reception;
 
 pub(super) struct Sending {
     /// Where the character in the shift register is over; none in it if `None`.

@@ -9,8 +9,9 @@ mod chip;
 pub use chip::Chip;
 
 use multidrop_protocol::Adu;
+use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_protocol::line::{Ascii, LineMachine, Wire};
-use multidrop_protocol::rtu::{ReceiveErrors, Reception};
+use multidrop_protocol::rtu::Reception;
 
 /// The timer has 16 bits.
 const TIMER_ROUND: u64 = 1 << 16;

@@ -41,3 +41,8 @@ pub use route::{Route, Router, route};
 pub use serve::serve;
 pub use shared::Shared;
 pub use stack::Stack;
+
+/// Compiles and runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

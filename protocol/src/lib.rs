@@ -60,3 +60,8 @@ pub const UNIT_MAX: u8 = 247;
 ///
 /// A `u8` indexes this size without a bounds check.
 pub type Adu = [u8; 256];
+
+/// Compiles and runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

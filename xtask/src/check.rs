@@ -7,7 +7,7 @@ use crate::needs::Purpose;
 use crate::repo::SIMULATED;
 use crate::scenario::{LineOptions, Scenario};
 use crate::tally::{Counts, Tally};
-use crate::{bench, guide, layout, mutants, python, repo, setup};
+use crate::{bench, guide, layout, mutants, package, python, repo, setup};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
@@ -113,6 +113,7 @@ fn run_all(tally: &mut Tally) {
         units.args(["--exclude", package]);
     }
     run_tests(tally, "tests of the host's crates", units, Summary::Rust);
+    package::run(tally, builder.as_ref().ok().map(Builder::toolchain));
     let name = "corpus of the fuzz targets";
     run_tests(tally, name, crate::fuzz::replay(), Summary::Rust);
     for (name, mut command) in crate::fuzz::checks() {

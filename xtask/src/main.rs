@@ -20,6 +20,7 @@ mod layout;
 mod machine;
 mod mutants;
 mod needs;
+mod package;
 mod programmer;
 mod python;
 mod repo;

@@ -31,6 +31,17 @@ impl Repository {
             "docs/src/deep/two.md",
             "# Same\n\n# Same\n\n[b](../one.md), [c](#same-1)\n\n```\n$ sh\n```\n",
         );
+        write("protocol/README.md", "```rust\nfn tested() {}\n```\n");
+        write(
+            "protocol/src/lib.rs",
+            "#[doc = include_str!(\"../README.md\")]\n",
+        );
+        write("firmware/README.md", "[licence](LICENSE)\n");
+        write("firmware/LICENSE", "text\n");
+        write(
+            "board-nano/embassy-avr-hal/README.md",
+            "<!-- from: ../../node/main.rs:inner -->\n```rust\n    go();\n```\n",
+        );
         repository
     }
 
@@ -97,6 +108,28 @@ fn a_link_that_leads_nowhere_is_a_fault() {
         "../one.md",
         "../../../README.md",
         "it leads out of the guide",
+    );
+}
+
+#[test]
+fn a_readme_of_a_package_stands_without_the_repository_and_its_code_is_compiled() {
+    assert_fault(
+        "firmware/README.md",
+        "LICENSE",
+        "../README.md",
+        "it leads out of the package",
+    );
+    assert_fault(
+        "protocol/src/lib.rs",
+        "README",
+        "CHANGELOG",
+        "Rust code has <!-- from: PATH:ANCHOR -->",
+    );
+    assert_fault(
+        "board-nano/embassy-avr-hal/README.md",
+        "go()",
+        "come()",
+        "in its source `    go();`",
     );
 }
 

@@ -6,4 +6,5 @@ pub mod conformance;
 pub mod demo_unit;
 pub mod faults;
 pub mod options;
+pub mod ports;
 pub mod yardstick;

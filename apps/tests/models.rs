@@ -15,7 +15,7 @@ use multidrop::protocol::server::{Counted, DataModel, Server};
 use multidrop::{PortConfig, ResetCause, ServerPort, Stack};
 use multidrop_apps::demo_unit::DemoUnit;
 use multidrop_apps::faults::{Asked, Failure, Faults, keep, use_up_stack};
-use multidrop_apps::yardstick::Yardstick;
+use multidrop_apps::yardstick::yardstick;
 
 /// The PDU answered to this PDU.
 fn ask<M: DataModel>(model: &mut M, pdu: &[u8]) -> Vec<u8> {
@@ -140,7 +140,7 @@ fn what_the_demonstration_unit_does_not_have_changes_nothing() {
 
 #[test]
 fn the_yardstick_has_as_many_of_each_table() {
-    let unit = &mut Yardstick::<12, 2>::new();
+    let unit = &mut yardstick::<12, 2>();
     for code in 1..=4 {
         for first in 0..14 {
             for count in 1..=14 {
@@ -174,8 +174,8 @@ fn the_yardstick_has_as_many_of_each_table() {
     assert_eq!(ask(unit, &words(3, &[11, 1])), [3, 2, 0x12, 0x34]);
     assert_eq!(ask(unit, &words(3, &[0, 1])), [3, 2, 0x56, 0x78]);
     assert_eq!(ask(unit, &words(1, &[0, 12])), [1, 2, 0, 8]);
-    let default = &mut Yardstick::<12, 2>::default();
-    assert_eq!(ask(default, &words(4, &[11, 1])), [4, 2, 0x10, 0x0B]);
+    let another = &mut yardstick::<12, 2>();
+    assert_eq!(ask(another, &words(4, &[11, 1])), [4, 2, 0x10, 0x0B]);
 }
 
 fn asked(asked: &Asked) -> Option<Failure> {

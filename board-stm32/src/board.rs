@@ -6,10 +6,11 @@ use core::sync::atomic::{AtomicU8, Ordering};
 #[cfg(feature = "defmt")]
 use defmt_rtt as _;
 use embassy_executor::Spawner;
+use embassy_stm32::{Peri, Peripherals, peripherals};
 use multidrop::ResetCause;
 use multidrop::roll::Watchdog as _;
 
-use crate::ports::{As1, As2, LEDS, Port, PortSetup, Rs2, Rs4};
+use crate::ports::{As1, As2, LEDS, Port, PortSetup, Rs2, Rs4, check_free, pin};
 use crate::usart::{Usart, registers};
 use crate::watchdog::{self, Dog, Roll, Watchdog};
 use crate::{Clock, fault, platform, stack};
@@ -28,7 +29,7 @@ impl<P: Port> Closed<P> {
     }
 }
 
-/// The four ports.
+/// The board: its ports, and what they do not need.
 pub struct Board {
     /// USART1.
     pub as1: Closed<As1>,
@@ -38,15 +39,55 @@ pub struct Board {
     pub rs2: Closed<Rs2>,
     /// UART4, with DE.
     pub rs4: Closed<Rs4>,
+    /// The peripherals and pins that the ports do not need.
+    pub free: Free,
+}
+
+macro_rules! free {
+    ($($letter:literal: $($number:literal $pin:ident)*;)* $($name:ident)*) => {
+        /// Peripherals and pins that the ports do not need, as `embassy-stm32` names them. PC0 to PC12 are the demonstration unit's
+        /// too, see [`outputs`].
+        #[expect(non_snake_case, reason = "named as in embassy-stm32")]
+        pub struct Free {
+            $($(#[doc = concat!("Pin ", stringify!($pin), ".")] pub $pin: Peri<'static, peripherals::$pin>,)*)*
+            $(#[doc = stringify!($name)] pub $name: Peri<'static, peripherals::$name>,)*
+        }
+
+        impl Free {
+            fn of(all: Peripherals) -> Self {
+                Self { $($($pin: all.$pin,)*)* $($name: all.$name,)* }
+            }
+        }
+
+        // Whoever moves a pin of a port in `WIRING` takes it out of this list.
+        const _: () = {
+            $($(check_free(pin($letter, $number));)*)*
+        };
+    };
+}
+
+// Not here: SWD and JTAG (PA13 to PA15, PB3), the crystal (PH0, PH1), TIM2, TIM5, the watchdog, EXTI and what sets the clocks.
+free! {
+    'A': 5 PA5 6 PA6 7 PA7 8 PA8;
+    'B': 0 PB0 1 PB1 2 PB2 4 PB4 5 PB5 6 PB6 7 PB7 8 PB8 9 PB9 12 PB12 15 PB15;
+    'C': 0 PC0 1 PC1 2 PC2 3 PC3 4 PC4 5 PC5 6 PC6 7 PC7 8 PC8 9 PC9 10 PC10 11 PC11 12 PC12 13 PC13 14 PC14 15 PC15;
+    PD2
+    ADC1 ADC2 ADC3 CAN1 CAN2 CRC DAC1 I2C1 I2C2 I2C3 RNG RTC SDIO SPI1 SPI2 SPI3
+    TIM1 TIM3 TIM4 TIM6 TIM7 TIM8 TIM9 TIM10 TIM11 TIM12 TIM13 TIM14
+    UART5 USART6 USB_OTG_FS USB_OTG_HS
+    DMA1_CH0 DMA1_CH1 DMA1_CH2 DMA1_CH3 DMA1_CH4 DMA1_CH5 DMA1_CH6 DMA1_CH7
+    DMA2_CH0 DMA2_CH1 DMA2_CH2 DMA2_CH3 DMA2_CH4 DMA2_CH5 DMA2_CH6 DMA2_CH7
 }
 
 /// Why the board has started, as its number; 0 before [`init`].
 static CAUSE: AtomicU8 = AtomicU8::new(0);
 
-/// Starts the watchdog, clocks, timers and interrupts. The first thing in `main`.
+/// Starts the watchdog, clocks, timers and interrupts, and gives the ports and all that they do not need. The first thing in
+/// `main`.
 ///
 /// # Panics
 /// The second time.
+#[inline(always)]
 pub fn init(watchdog: Watchdog) -> Board {
     assert!(CAUSE.load(Ordering::Relaxed) == 0);
     let cause = fault::cause();
@@ -55,7 +96,7 @@ pub fn init(watchdog: Watchdog) -> Board {
         watchdog::start(watchdog);
     }
     registers::enable_clocks();
-    platform::init();
+    let peripherals = platform::init();
     if !cfg!(feature = "bare") {
         stack::paint_and_guard();
     }
@@ -65,6 +106,7 @@ pub fn init(watchdog: Watchdog) -> Board {
         as2: Closed(PhantomData),
         rs2: Closed(PhantomData),
         rs4: Closed(PhantomData),
+        free: Free::of(peripherals),
     }
 }
 

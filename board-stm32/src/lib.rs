@@ -49,12 +49,15 @@ mod stack;
 pub use stack::stack;
 
 #[cfg(target_arch = "arm")]
-pub use board::{Board, Closed, clock, init, outputs, reset_cause, run};
+pub use board::{Board, Closed, Free, clock, init, outputs, reset_cause, run};
 #[cfg(all(target_arch = "arm", feature = "qemu"))]
 #[doc(hidden)]
 pub use board::{wrap_line_timer_in, wrap_time_in};
 pub use multidrop::ResetCause;
 pub use multidrop_apps::options;
+pub use ports::PortSetup;
+#[cfg(target_arch = "arm")]
+pub use usart::Usart;
 pub use watchdog::Watchdog;
 #[cfg(target_arch = "arm")]
 pub use watchdog::{Dog, Roll};

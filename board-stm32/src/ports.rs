@@ -155,6 +155,25 @@ const fn check(ports: &[Wiring; PORTS]) {
     }
 }
 
+/// Stops the build if a port uses this pin, which is given to the application.
+pub(crate) const fn check_free(free: Pin) {
+    let mut port = 0;
+    while port < PORTS {
+        let wiring = &WIRING[port];
+        let mut used = bit(wiring.tx) | bit(wiring.rx);
+        if let Some(de) = wiring.de {
+            used |= bit(de);
+        }
+        if let Some(handshake) = wiring.handshake {
+            used |= bit(handshake.cts) | bit(handshake.rts);
+        }
+        if used & bit(free) != 0 {
+            wrong(wiring, free, "is given to the application, in board.rs");
+        }
+        port += 1;
+    }
+}
+
 const fn take(wiring: &Wiring, used: u64, pin: Pin) -> u64 {
     if used & bit(pin) != 0 {
         wrong(wiring, pin, "is in use already");

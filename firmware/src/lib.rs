@@ -2,8 +2,9 @@
 //!
 //! A board implements [`Line`] for its USART. This crate is what stands above the line: the port and its
 //! configuration, the task that takes frames from the line ([`receive()`]) and the task that answers them
-//! ([`serve()`]). The two tasks share one `embassy_sync` channel. A board wraps both functions in
-//! `#[embassy_executor::task]`.
+//! ([`serve()`]). The two tasks share one `embassy_sync` channel. [`server!`] makes tasks of both functions, and
+//! [`client!`] those of a client; [`tasks!`] is for applications with more. [`Tables`] is the data model of a server
+//! that needs banks and nothing else. The names for all of this are in the [`prelude`].
 //!
 //! Half duplex means one frame at a time. The line owns one buffer and lends it: from the interrupt to the receive
 //! task, on to the serve task, and back. Frames are never copied.
@@ -17,6 +18,7 @@ pub mod managed;
 pub mod manager;
 pub mod poll;
 pub mod port;
+pub mod prelude;
 pub mod receive;
 pub mod reset;
 pub mod roll;
@@ -26,6 +28,8 @@ pub mod shared;
 mod slot;
 pub mod sniff;
 pub mod stack;
+pub mod tables;
+mod tasks;
 
 pub use client::{Client, ClientConfig, ClientError, ClientPort, client_receive};
 pub use config::PortConfig;
@@ -41,6 +45,7 @@ pub use route::{Route, Router, route};
 pub use serve::serve;
 pub use shared::Shared;
 pub use stack::Stack;
+pub use tables::Tables;
 
 /// Compiles and runs the example of the README.
 #[cfg(doctest)]

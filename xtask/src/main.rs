@@ -11,6 +11,7 @@ mod demo;
 mod error;
 mod firmware;
 mod flash;
+mod front;
 mod fuses;
 mod fuzz;
 mod guide;

@@ -51,7 +51,7 @@ use multidrop::protocol::client::{
     WritePackedCoils, WriteRegister, WriteRegisters,
 };
 use multidrop::protocol::format::LineFormat;
-use multidrop::{ClientConfig, ClientError, ClientPort, PortConfig, Roll, signed};
+use multidrop::{ClientConfig, ClientError, ClientPort, PortConfig};
 use static_cell::StaticCell;
 
 const PORT: PortConfig = PortConfig::new("RS4")
@@ -63,9 +63,6 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .format(options::format(LineFormat::F8N1));
 
 bind_interrupts!(struct Irqs { USART0 => Rs485; TIME => CLOCK_HZ; });
-
-/// The task that asks comes to an end.
-static ROLL: Roll<Irqs, 1> = Roll::new();
 
 /// One task asks.
 type Port = ClientPort<Rs485, 1>;
@@ -275,9 +272,11 @@ fn first_object(request: &ReadIdentification, frame: &[u8], letter: u8) -> bool 
     matches!(first, Some((id, [begin, ..])) if id == request.object && *begin == letter)
 }
 
-#[embassy_executor::task]
-async fn receive(port: &'static Port) -> ! {
-    signed(|task| ROLL.sign::<0>(task), multidrop::client_receive(port)).await
+multidrop::tasks! {
+    /// The task that asks comes to an end.
+    static ROLL: Roll<Irqs>;
+
+    fn receive(port: &'static Port) = multidrop::client_receive(port);
 }
 
 #[embassy_executor::task]

@@ -6,7 +6,7 @@
 use board_nano::{Rs485Option as Rs485, bind_interrupts, options, settings};
 use multidrop::protocol::format::LineFormat;
 use multidrop::protocol::server::Counted;
-use multidrop::{PortConfig, Roll, Shared, signed};
+use multidrop::{PortConfig, Shared};
 use multidrop_apps::conformance::{Conformance, EVENTS, UNIT};
 use static_cell::{ConstStaticCell, StaticCell};
 
@@ -22,17 +22,12 @@ const PORT: PortConfig = PortConfig::new("RS4")
 
 bind_interrupts!(struct Irqs { USART0 => Rs485; });
 
-/// The tasks that have to be alive.
-static ROLL: Roll<Irqs, 2> = Roll::new();
+multidrop::tasks! {
+    /// The tasks that have to be alive.
+    static ROLL: Roll<Irqs>;
 
-#[embassy_executor::task]
-async fn receive(port: &'static Port) -> ! {
-    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
-}
-
-#[embassy_executor::task]
-async fn serve(port: &'static Port, model: &'static Model) -> ! {
-    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, model)).await
+    fn receive(port: &'static Port) = multidrop::receive(port);
+    fn serve(port: &'static Port, model: &'static Model) = multidrop::serve(port, model);
 }
 
 #[avr_device::entry]

@@ -9,7 +9,7 @@ use avr_device::interrupt;
 use board_nano::{CLOCK_HZ, Rs485, bind_interrupts, options, settings};
 use embassy_avr_hal::pac;
 use multidrop::protocol::format::LineFormat;
-use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
+use multidrop::{PortConfig, ServerPort, Shared};
 use multidrop_apps::faults::{Asked, Failure, Faults, keep, use_up_stack};
 use static_cell::StaticCell;
 
@@ -32,24 +32,6 @@ const UDRIE: u8 = 1 << 5;
 
 bind_interrupts!(struct Irqs { USART0 => Rs485; });
 
-/// The tasks that have to be alive.
-static ROLL: Roll<Irqs, 3> = Roll::new();
-
-#[embassy_executor::task]
-async fn receive(port: &'static ServerPort<Rs485>) -> ! {
-    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
-}
-
-#[embassy_executor::task]
-async fn serve(port: &'static ServerPort<Rs485>, asked: &'static Asked) -> ! {
-    let model = Shared::new(Faults::new(
-        asked,
-        board_nano::reset_cause(),
-        board_nano::stack,
-    ));
-    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, &model)).await
-}
-
 /// Turns interrupts of the USART off behind the line's back.
 fn lose(interrupts: u8) {
     interrupt::free(|_| {
@@ -62,15 +44,23 @@ fn lose(interrupts: u8) {
     });
 }
 
-/// Fails as it is asked to.
-#[embassy_executor::task]
-async fn fail(
-    port: &'static ServerPort<Rs485>,
-    asked: &'static Asked,
-    timer0: pac::TC0,
-    timer2: pac::TC2,
-) -> ! {
-    signed(|task| ROLL.sign::<2>(task), async move {
+multidrop::tasks! {
+    /// The tasks that have to be alive.
+    static ROLL: Roll<Irqs>;
+
+    fn receive(port: &'static ServerPort<Rs485>) = multidrop::receive(port);
+    fn serve(port: &'static ServerPort<Rs485>, asked: &'static Asked) = multidrop::serve(
+        port,
+        &Shared::new(Faults::new(asked, board_nano::reset_cause(), board_nano::stack)),
+    );
+
+    /// Fails as it is asked to.
+    fn fail(
+        port: &'static ServerPort<Rs485>,
+        asked: &'static Asked,
+        timer0: pac::TC0,
+        timer2: pac::TC2
+    ) = async move {
         loop {
             let failure = asked.wait().await;
             delay_cycles(INTO_THE_ANSWER);
@@ -110,8 +100,7 @@ async fn fail(
                 }
             }
         }
-    })
-    .await
+    };
 }
 
 /// TIMER0_OVF (DS 12.4: vector 16, counted from 0).

@@ -6,13 +6,7 @@
 
 use board_nano::{Rs485, bind_interrupts, options, settings};
 use embassy_avr_hal::gpio::PortDOut;
-use multidrop::protocol::data::{Registers, RegistersOut};
-use multidrop::protocol::exception::Exception;
-use multidrop::protocol::format::LineFormat;
-use multidrop::protocol::registers::within;
-use multidrop::protocol::server::DataModel;
-use multidrop::{PortConfig, Roll, ServerPort, Shared, signed};
-use static_cell::StaticCell;
+use multidrop::prelude::*;
 
 const PORT: PortConfig = PortConfig::new("RS4")
     .slave_id(options::unit(1))
@@ -85,32 +79,17 @@ fn relay(first: u16, count: usize) -> Result<u8, Exception> {
 
 bind_interrupts!(struct Irqs { USART0 => Rs485; });
 
-/// The tasks that have to be alive.
-static ROLL: Roll<Irqs, 2> = Roll::new();
-
-#[embassy_executor::task]
-async fn receive(port: &'static ServerPort<Rs485>) -> ! {
-    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
-}
-
-#[embassy_executor::task]
-async fn serve(port: &'static ServerPort<Rs485>) -> ! {
-    let relays = Shared::new(Relays {
+multidrop::server! {
+    static ROLL: Roll<Irqs>;
+    fn server(line: Rs485, PORT) = Relays {
         on: 0,
         pins: PortDOut::new(0b1111 << PIN),
-    });
-    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, &relays)).await
+    };
 }
 
 #[avr_device::entry]
 fn main() -> ! {
     let board = board_nano::init(Irqs);
     let line = board.rs4.open(Irqs, const { settings(&PORT) });
-
-    static PORT_CELL: StaticCell<ServerPort<Rs485>> = StaticCell::new();
-    let port = PORT_CELL.init(ServerPort::new(line, &PORT));
-    board_nano::run(&ROLL, |spawner| {
-        spawner.spawn(receive(port).unwrap());
-        spawner.spawn(serve(port).unwrap());
-    })
+    board_nano::run(&ROLL, server(line))
 }

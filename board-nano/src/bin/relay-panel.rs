@@ -24,7 +24,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Ticker, with_timeout};
 use embedded_hal::digital::{InputPin, OutputPin};
 use multidrop::protocol::format::LineFormat;
-use multidrop::{Client, ClientConfig, ClientError, ClientPort, PortConfig, Roll, signed};
+use multidrop::{Client, ClientConfig, ClientError, ClientPort, PortConfig};
 use static_cell::StaticCell;
 
 // ANCHOR: port
@@ -53,9 +53,6 @@ const COUNT: usize = 2;
 const FIRST: u16 = 1;
 
 bind_interrupts!(struct Irqs { USART0 => Rs485; TIME => CLOCK_HZ, tasks = [poll, press, buttons, error]; });
-
-/// The tasks that have to be alive: all.
-static ROLL: Roll<Irqs, 5> = Roll::new();
 
 /// Two tasks ask.
 type Port = ClientPort<Rs485, 2>;
@@ -113,28 +110,21 @@ impl Panel {
     }
 }
 
-// ANCHOR: receive
-#[embassy_executor::task]
-async fn receive(port: &'static Port) -> ! {
-    signed(|task| ROLL.sign::<0>(task), multidrop::client_receive(port)).await
-}
-// ANCHOR_END: receive
+multidrop::tasks! {
+    /// The tasks that have to be alive: all.
+    static ROLL: Roll<Irqs>;
 
-#[embassy_executor::task]
-async fn poll(panel: &'static Panel) -> ! {
-    signed(|task| ROLL.sign::<2>(task), async move {
+    fn receive(port: &'static Port) = multidrop::client_receive(port);
+
+    fn poll(panel: &'static Panel) = async move {
         let mut ticker = Ticker::every(POLL);
         loop {
             panel.show_result(panel.update().await);
             ticker.next().await;
         }
-    })
-    .await
-}
+    };
 
-#[embassy_executor::task]
-async fn press(panel: &'static Panel) -> ! {
-    signed(|task| ROLL.sign::<1>(task), async move {
+    fn press(panel: &'static Panel) = async move {
         loop {
             let pressed = panel.pressed.wait().await;
             for (relay, pressed) in pressed.into_iter().enumerate() {
@@ -143,14 +133,10 @@ async fn press(panel: &'static Panel) -> ! {
                 }
             }
         }
-    })
-    .await
-}
+    };
 
-/// Looks at the buttons. One that is pressed while the one before is still being seen to counts too.
-#[embassy_executor::task]
-async fn buttons(panel: &'static Panel, mut first: Input<PD3>, mut second: Input<PD4>) -> ! {
-    signed(|task| ROLL.sign::<3>(task), async move {
+    /// Looks at the buttons. One that is pressed while the one before is still being seen to counts too.
+    fn buttons(panel: &'static Panel, mut first: Input<PD3>, mut second: Input<PD4>) = async move {
         let mut ticker = Ticker::every(SAMPLE);
         let mut before = [false; COUNT];
         let mut down = [false; COUNT];
@@ -176,21 +162,16 @@ async fn buttons(panel: &'static Panel, mut first: Input<PD3>, mut second: Input
                 panel.pressed.signal(pressed);
             }
         }
-    })
-    .await
-}
+    };
 
-#[embassy_executor::task]
-async fn error(panel: &'static Panel, mut led: Output<PB5>) -> ! {
-    signed(|task| ROLL.sign::<4>(task), async move {
+    fn error(panel: &'static Panel, mut led: Output<PB5>) = async move {
         loop {
             panel.failed.wait().await;
             led.high();
             while with_timeout(ERROR_SHOWN, panel.failed.wait()).await.is_ok() {}
             led.low();
         }
-    })
-    .await
+    };
 }
 
 #[avr_device::entry]

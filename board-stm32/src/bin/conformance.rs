@@ -5,10 +5,10 @@
 
 use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
-use board_stm32::{Roll, Watchdog, info, options};
+use board_stm32::{Dog, Watchdog, info, options};
 use multidrop::protocol::format::{Framing, LineFormat};
 use multidrop::protocol::server::Counted;
-use multidrop::{PortConfig, Shared, signed};
+use multidrop::{PortConfig, Shared};
 use multidrop_apps::conformance::{Conformance, EVENTS, UNIT};
 use static_cell::{ConstStaticCell, StaticCell};
 
@@ -28,17 +28,12 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .framing(FRAMING.0)
     .format(options::format(FRAMING.1));
 
-/// The tasks that have to be alive.
-static ROLL: Roll<2> = Roll::new();
+multidrop::tasks! {
+    /// The tasks that have to be alive.
+    static ROLL: Roll<Dog>;
 
-#[embassy_executor::task]
-async fn receive(port: &'static Port) -> ! {
-    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
-}
-
-#[embassy_executor::task]
-async fn serve(port: &'static Port, model: &'static Model) -> ! {
-    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, model)).await
+    fn receive(port: &'static Port) = multidrop::receive(port);
+    fn serve(port: &'static Port, model: &'static Model) = multidrop::serve(port, model);
 }
 
 #[cortex_m_rt::entry]

@@ -5,14 +5,14 @@
 
 use board_stm32::ports::PortSetup;
 use board_stm32::usart::Usart;
-use board_stm32::{Roll, Watchdog, options};
+use board_stm32::{Dog, Watchdog, options};
 use cortex_m::peripheral::NVIC;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::pac;
 use embassy_time::{Duration, Timer};
 use multidrop::protocol::format::LineFormat;
-use multidrop::{PortConfig, ServerPort, Shared, signed};
+use multidrop::{PortConfig, ServerPort, Shared};
 use multidrop_apps::faults::{Asked, Failure, Faults, keep, use_up_stack};
 use static_cell::StaticCell;
 
@@ -32,28 +32,18 @@ const INTO_THE_ANSWER: u32 = 170;
 /// Where RAM, and with it the stack, ends (RM0090 2.3.1).
 const RAM_END: usize = 0x2002_0000;
 
-/// The tasks that have to be alive.
-static ROLL: Roll<3> = Roll::new();
+multidrop::tasks! {
+    /// The tasks that have to be alive.
+    static ROLL: Roll<Dog>;
 
-#[embassy_executor::task]
-async fn receive(port: &'static ServerPort<Usart>) -> ! {
-    signed(|task| ROLL.sign::<0>(task), multidrop::receive(port)).await
-}
+    fn receive(port: &'static ServerPort<Usart>) = multidrop::receive(port);
+    fn serve(port: &'static ServerPort<Usart>, asked: &'static Asked) = multidrop::serve(
+        port,
+        &Shared::new(Faults::new(asked, board_stm32::reset_cause(), board_stm32::stack)),
+    );
 
-#[embassy_executor::task]
-async fn serve(port: &'static ServerPort<Usart>, asked: &'static Asked) -> ! {
-    let model = Shared::new(Faults::new(
-        asked,
-        board_stm32::reset_cause(),
-        board_stm32::stack,
-    ));
-    signed(|task| ROLL.sign::<1>(task), multidrop::serve(port, &model)).await
-}
-
-/// Fails as it is asked to.
-#[embassy_executor::task]
-async fn fail(port: &'static ServerPort<Usart>, asked: &'static Asked) -> ! {
-    signed(|task| ROLL.sign::<2>(task), async move {
+    /// Fails as it is asked to.
+    fn fail(port: &'static ServerPort<Usart>, asked: &'static Asked) = async move {
         loop {
             let failure = asked.wait().await;
             Timer::after(BIT * INTO_THE_ANSWER).await;
@@ -98,8 +88,7 @@ async fn fail(port: &'static ServerPort<Usart>, asked: &'static Asked) -> ! {
                 }
             }
         }
-    })
-    .await
+    };
 }
 
 #[interrupt]

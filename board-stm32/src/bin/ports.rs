@@ -7,35 +7,18 @@
 //! | RS2 | prints what RS4 asks and hears, 230400 8N1 |
 //! | RS4 | master, RTU 38400 8N1: polls register 0 of units 1, 2 and 3 by scan list |
 //!
-//! What a PC finds on AS1 at unit 10:
-//!
-//! | table | address | is |
-//! |---|---|---|
-//! | input registers | 0, 1, 2 | register 0 of unit 1, 2, 3 |
-//! | | 3, 4, 5 | good answers of each, up to 65535 |
-//! | | 6, 7, 8 | other ends of its polls |
-//! | | 9 | frames that found no room to be printed, modulo 65536 |
-//! | holding registers | 1000 + 2 n | register n of AS1, high word first (`Register::number`; arrays are not there) |
-//! | | 2000, 3000, 4000 + 2 n | the same of AS2, RS2 and RS4 |
-//!
-//! Written is one of those at a time, both words by function 16; 03 if the port refuses it. So `BAUD` (22) of RS4 becomes
-//! 9600 with 0 and 9600 written to 4044. What is written of AS1 itself holds as soon as the write is answered; a reset
-//! brings everything back to what is below.
+//! `multidrop_apps::ports` has what a PC finds on AS1 at unit 10.
 #![no_std]
 #![no_main]
 
-use board_stm32::ports::PortSetup;
-use board_stm32::usart::Usart;
-use board_stm32::{Roll, Watchdog, info};
+use board_stm32::{Dog, PortSetup, Usart, Watchdog, info};
 use multidrop::poll::{PollEntry, PollList};
-use multidrop::protocol::data::{Registers, RegistersOut};
-use multidrop::protocol::exception::Exception;
-use multidrop::protocol::format::{Framing, LineFormat};
-use multidrop::protocol::port_registers::{Mode, PortRegisters, Register};
-use multidrop::protocol::registers::{Bank, CoilBank, NoCoils, NoRules, within};
-use multidrop::protocol::server::{DataModel, Uncounted};
+use multidrop::prelude::*;
+use multidrop::protocol::port_registers::{Mode, PortRegisters};
+use multidrop::protocol::server::Uncounted;
 use multidrop::sniff::Capture;
-use multidrop::{ManagedPort, Manager, PortConfig, Route, Router, Shared, manager, signed};
+use multidrop::{ManagedPort, Manager, Route, Router, manager};
+use multidrop_apps::ports::Told;
 use static_cell::{ConstStaticCell, StaticCell};
 
 // ANCHOR: table
@@ -75,126 +58,25 @@ type Rs4 = ManagedPort<Usart, PortRegisters<Bank<16>, NoCoils, NoRules>, Uncount
 type To = Router<Usart, CLIENTS>;
 type Polled = PollList<3, 3>;
 
-/// Where the registers of the first port begin, and how far apart they are.
-const SETTINGS: u16 = 1000;
+// ANCHOR: tasks
+multidrop::tasks! {
+    /// The tasks that have to be alive: two of each port, two that route, and the one that polls.
+    static ROLL: Roll<Dog>;
 
-/// What AS1 tells.
-struct Told {
-    polled: &'static Polled,
-    capture: &'static Capture<384>,
-    manager: Manager<4>,
+    fn as1_receive(port: &'static As1) = multidrop::managed_receive(port);
+    fn as1_run(port: &'static As1, told: &'static Shared<Told>) =
+        multidrop::managed_serve(port, told);
+    fn as2_receive(port: &'static As2) = multidrop::managed_receive(port);
+    fn as2_run(port: &'static As2) = multidrop::managed_run(port);
+    fn rs2_receive(port: &'static Rs2) = multidrop::managed_receive(port);
+    fn rs2_run(port: &'static Rs2) = multidrop::managed_run(port);
+    fn rs4_receive(port: &'static Rs4) = multidrop::managed_receive(port);
+    fn rs4_run(port: &'static Rs4) = multidrop::managed_run(port);
+    fn as1_route(router: &'static To) = multidrop::route(router);
+    fn as2_route(router: &'static To) = multidrop::route(router);
+    fn poll(port: &'static Rs4, polled: &'static Polled) = polled.run(port.client_as_set());
 }
-
-/// The port, its register, and whether the address is that of the low word.
-fn setting(address: u16) -> Result<(usize, Register, bool), Exception> {
-    let port = (address / SETTINGS).checked_sub(1);
-    let port = port.ok_or(Exception::IllegalDataAddress)?;
-    let word = address % SETTINGS;
-    let register = u8::try_from(word / 2).ok();
-    let register = register.and_then(|number| Register::from_number(number, 0));
-    match register {
-        Some(register) if usize::from(port) < PORTS.len() && register.index().is_none() => {
-            Ok((port.into(), register, !word.is_multiple_of(2)))
-        }
-        _ => Err(Exception::IllegalDataAddress),
-    }
-}
-
-impl DataModel for Told {
-    fn input_registers(&mut self, first: u16, mut out: RegistersOut<'_>) -> Result<(), Exception> {
-        within(first, out.len() as u16, 10)?;
-        out.fill_from((usize::from(first)..).map(|address| match address {
-            0..3 => self.polled.with_cells(address, |cells| cells[0]),
-            3..6 => self.polled.health(address - 3).answers,
-            6..9 => {
-                let health = self.polled.health(address - 6);
-                let (timeouts, others) = (health.timeouts, health.others);
-                timeouts
-                    .saturating_add(health.exceptions)
-                    .saturating_add(others)
-            }
-            _ => self.capture.dropped() as u16,
-        }));
-        Ok(())
-    }
-
-    fn holding_registers(
-        &mut self,
-        first: u16,
-        mut out: RegistersOut<'_>,
-    ) -> Result<(), Exception> {
-        for place in 0..out.len() {
-            let address = first.checked_add(place as u16);
-            let (port, register, is_low) = setting(address.ok_or(Exception::IllegalDataAddress)?)?;
-            let value = self.manager.read(port, register);
-            let value = value.map_err(|_| Exception::IllegalDataAddress)?;
-            out.set(place, if is_low { value } else { value >> 16 } as u16);
-        }
-        Ok(())
-    }
-
-    fn check_registers(&self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
-        let (_, _, is_low) = setting(first)?;
-        if is_low || values.len() != 2 {
-            return Err(Exception::IllegalDataAddress);
-        }
-        Ok(())
-    }
-
-    fn write_registers(&mut self, first: u16, values: Registers<'_>) -> Result<(), Exception> {
-        let (port, register, _) = setting(first)?;
-        let word = |place| u32::from(values.get(place).unwrap_or(0));
-        let loaded = self
-            .manager
-            .load_raw(port, register, word(0) << 16 | word(1));
-        loaded.map_err(|_| Exception::IllegalDataValue)
-    }
-}
-
-/// The tasks that have to be alive: two of each port, two that route, and the one that polls.
-static ROLL: Roll<11> = Roll::new();
-
-/// The tasks of the ports.
-macro_rules! tasks {
-    ($($place:literal $port:ident: $receive:ident, $run:ident($($model:ident: $type:ty)?) $function:ident;)*) => { $(
-        #[embassy_executor::task]
-        async fn $receive(port: &'static $port) -> ! {
-            signed(|task| ROLL.sign::<$place>(task), multidrop::managed_receive(port)).await
-        }
-
-        #[embassy_executor::task]
-        async fn $run(port: &'static $port $(, $model: $type)?) -> ! {
-            let run = multidrop::$function(port $(, $model)?);
-            signed(|task| ROLL.sign::<{ $place + 1 }>(task), run).await
-        }
-    )* };
-}
-
-tasks! {
-    0 As1: as1_receive, as1_run(told: &'static Shared<Told>) managed_serve;
-    2 As2: as2_receive, as2_run() managed_run;
-    4 Rs2: rs2_receive, rs2_run() managed_run;
-    6 Rs4: rs4_receive, rs4_run() managed_run;
-}
-
-#[embassy_executor::task]
-async fn as1_route(router: &'static To) -> ! {
-    signed(|task| ROLL.sign::<8>(task), multidrop::route(router)).await
-}
-
-#[embassy_executor::task]
-async fn as2_route(router: &'static To) -> ! {
-    signed(|task| ROLL.sign::<9>(task), multidrop::route(router)).await
-}
-
-#[embassy_executor::task]
-async fn poll(port: &'static Rs4, polled: &'static Polled) -> ! {
-    signed(
-        |task| ROLL.sign::<10>(task),
-        polled.run(port.client_as_set()),
-    )
-    .await
-}
+// ANCHOR_END: tasks
 
 // ANCHOR: routes
 /// Leads from these units to 1, 2 and 3 on RS4.
@@ -228,37 +110,29 @@ fn main() -> ! {
         PollEntry::holding_registers(3, 0, 1).period_ms(100),
     ]));
     // ANCHOR_END: scan
-    let capture: &'static _ = CAPTURE.take();
-    let polled: &'static _ = POLLED.take();
+    let (capture, polled): (&'static _, &'static _) = (CAPTURE.take(), POLLED.take());
 
     // ANCHOR: capture
     static RS4: StaticCell<Rs4> = StaticCell::new();
-    let rs4: &'static _ = RS4.init(ManagedPort::with(
-        lines.3.observed_by(capture),
-        &PORTS[3],
-        PORTS[3].bank(),
-        NoCoils,
-        Uncounted,
-    ));
+    let (line, bank) = (lines.3.observed_by(capture), PORTS[3].bank());
+    let rs4: &'static _ = RS4.init(ManagedPort::with(line, &PORTS[3], bank, NoCoils, Uncounted));
     static RS2: StaticCell<Rs2> = StaticCell::new();
     let rs2 = ManagedPort::new(lines.2, &PORTS[2], PORTS[2].bank(), NoCoils);
     let rs2: &'static _ = RS2.init(rs2.printing(capture));
     // ANCHOR_END: capture
 
     // ANCHOR: router
-    static AS2_ROUTES: StaticCell<[Route<Usart, CLIENTS>; 3]> = StaticCell::new();
-    static AS2_ROUTER: StaticCell<To> = StaticCell::new();
+    static ROUTES: StaticCell<[[Route<Usart, CLIENTS>; 3]; 2]> = StaticCell::new();
+    static ROUTERS: StaticCell<[To; 2]> = StaticCell::new();
+    let to_rs4: &'static _ = ROUTES.init([[1, 2, 3], [11, 12, 13]].map(|units| routes(rs4, units)));
+    let [as1_router, as2_router] = ROUTERS.init([Router::new(&to_rs4[0]), Router::new(&to_rs4[1])]);
     static AS2: StaticCell<As2> = StaticCell::new();
-    let as2_router = AS2_ROUTER.init(Router::new(AS2_ROUTES.init(routes(rs4, [11, 12, 13]))));
     let (bank, coils) = (PORTS[1].bank(), PORTS[1].coil_bank(16));
     let as2 = ManagedPort::new(lines.1, &PORTS[1], bank, coils);
     let as2: &'static _ = AS2.init(as2.routed(as2_router));
     // ANCHOR_END: router
 
-    static AS1_ROUTES: StaticCell<[Route<Usart, CLIENTS>; 3]> = StaticCell::new();
-    static AS1_ROUTER: StaticCell<To> = StaticCell::new();
     static AS1: StaticCell<As1> = StaticCell::new();
-    let as1_router = AS1_ROUTER.init(Router::new(AS1_ROUTES.init(routes(rs4, [1, 2, 3]))));
     let as1 = ManagedPort::new(lines.0, &PORTS[0], PORTS[0].bank(), NoCoils);
     let as1: &'static _ = AS1.init(as1.routed(as1_router));
 

@@ -3,6 +3,7 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_executor::{Executor, Spawner};
+use embassy_stm32::Peripherals;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::pac::{self, TIM5};
@@ -53,8 +54,8 @@ const _: () = assert!(2 * APB1_HZ / PRESCALER as u32 == crate::TICK_HZ);
 /// CC1 of TIM5's SR, DIER and EGR (RM0090 18.4.4 to 18.4.6); those of the other channels follow it.
 const CC1: u32 = 1 << 1;
 
-/// Clocks, `embassy-time`, the alarms' timer and the interrupts of the line.
-pub(crate) fn init() {
+/// Clocks, `embassy-time`, the alarms' timer and the interrupts of the line. Once.
+pub(crate) fn init() -> Peripherals {
     let mut config = embassy_stm32::Config::default();
     let has_crystal = crystal_swings();
     IS_INTERNAL.store(!has_crystal, Ordering::Relaxed);
@@ -84,7 +85,7 @@ pub(crate) fn init() {
     // Else those of DMA, which an application may use, go before characters.
     config.dma_interrupt_priority = OTHERS;
     config.enable_debug_during_sleep = IS_DEBUG;
-    embassy_stm32::init(config);
+    let peripherals = embassy_stm32::init(config);
     if IS_DEBUG {
         // While the CPU is halted: else the watchdog would reset it, and alarms would be long past (RM0090 38.16.4).
         pac::DBGMCU.apb1fzr().modify(|w| {
@@ -110,6 +111,7 @@ pub(crate) fn init() {
     }
     enable(interrupt::TIM5, ALARMS);
     interrupt::TIM2.set_priority(OTHERS);
+    peripherals
 }
 
 /// Has the crystal begin to swing; if it does not, switches it off again. TIM5 counts the chip's own oscillator meanwhile: in

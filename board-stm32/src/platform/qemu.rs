@@ -15,6 +15,7 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
 use critical_section::Mutex;
 use embassy_executor::{Spawner, raw};
+use embassy_stm32::Peripherals;
 use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::pac::{self, TIM2, TIM5};
 use embassy_time_queue_utils::Queue;
@@ -70,8 +71,8 @@ fn alarms() -> &'static mut Alarms {
     unsafe { &mut *ALARMS.0.get() }
 }
 
-/// Timers and interrupts.
-pub(crate) fn init() {
+/// Timers and interrupts. Once.
+pub(crate) fn init() -> Peripherals {
     pac::RCC.apb1enr().modify(|w| {
         w.set_tim2en(true);
         w.set_tim5en(true);
@@ -102,6 +103,8 @@ pub(crate) fn init() {
         systick.enable_interrupt();
         systick.enable_counter();
     });
+    // SAFETY: nobody else has them: `embassy_stm32::init` is not called here, and this once.
+    unsafe { Peripherals::steal() }
 }
 
 /// QEMU has no oscillators.

@@ -21,7 +21,7 @@ use embedded_hal::digital::StatefulOutputPin;
 use embedded_hal_async::digital::Wait;
 use multidrop::protocol::format::LineFormat;
 use multidrop::{PortConfig, ServerPort, Shared};
-use multidrop_apps::yardstick::Yardstick;
+use multidrop_apps::yardstick::yardstick;
 use static_cell::StaticCell;
 
 const CLOCK_HZ: u32 = 16_000_000;
@@ -83,7 +83,7 @@ async fn receive(port: &'static ServerPort<Rs485>) -> ! {
 
 #[embassy_executor::task]
 async fn serve(port: &'static ServerPort<Rs485>) -> ! {
-    let model = Shared::new(Yardstick::<16, 2>::new());
+    let model = Shared::new(yardstick::<16, 2>());
     multidrop::serve(port, &model).await
 }
 

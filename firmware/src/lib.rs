@@ -51,3 +51,20 @@ pub use tables::Tables;
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+#[cfg(feature = "defmt")]
+const _: () = {
+    const fn can_be_logged<T: defmt::Format>() {}
+    can_be_logged::<client::Blame>();
+    can_be_logged::<ClientError>();
+    can_be_logged::<line::LineError>();
+    can_be_logged::<line::TransmitError>();
+    can_be_logged::<managed::Outcome>();
+    can_be_logged::<manager::ManagerError<'static>>();
+    can_be_logged::<protocol::client::AnswerError>();
+    can_be_logged::<protocol::client::Failure>();
+    can_be_logged::<protocol::frame::EncodeError>();
+    can_be_logged::<protocol::frame::ReceiveErrors>();
+    can_be_logged::<protocol::number::TextError>();
+    can_be_logged::<protocol::port_registers::Refused>();
+};

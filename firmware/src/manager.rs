@@ -72,6 +72,7 @@ where
 
 /// Names a port: by its name, or by its position in the table, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Selector<'a> {
     /// The name, in capitals as in the table.
     Name(&'a str),
@@ -93,6 +94,7 @@ impl From<usize> for Selector<'_> {
 
 /// Why a register was not loaded or read. Nothing was changed. The caller is to blame. The message names the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ManagerError<'a> {
     /// There is no such port.
     NoPort {

@@ -2,6 +2,7 @@
 
 /// Why a server refused a request. This is data on the wire, not a fault of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]
 pub enum Exception {
     /// The server does not know the function code.

@@ -2,6 +2,7 @@
 
 /// The framing: how bytes are encoded as characters, and what delimits a frame (SER 2.5). The numbers are those of the register FRAMING.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Framing {
     /// A byte is one character, a silence ends the frame, a CRC checks it; eight data bits (SER 2.5.1).
     Rtu = 0,
@@ -28,6 +29,7 @@ impl Framing {
 
 /// The parity of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Parity {
     /// No parity bit is sent.
     None,
@@ -42,6 +44,7 @@ pub enum Parity {
 /// RTU needs eight data bits. The standard has 8E1 as its default, and 8N2 without parity (SER 2.5.1); most devices
 /// in the field use 8N1. Seven data bits are for ASCII (SER 2.5.2). The numbers are those of the register FORMAT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LineFormat {
     /// Eight data bits, no parity, one stop bit.
     F8N1 = 0,

@@ -74,6 +74,13 @@ impl fmt::Debug for ReceiveErrors {
 
 impl core::error::Error for ReceiveErrors {}
 
+#[cfg(feature = "defmt")]
+impl defmt::Format for ReceiveErrors {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{}", defmt::Display2Format(self));
+    }
+}
+
 /// The result of a reception.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
@@ -86,6 +93,7 @@ pub struct Received {
 
 /// Why a frame cannot be encoded. The caller is to blame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncodeError {
     /// Unit id and PDU are not 2..=254 bytes.
     Length,

@@ -231,6 +231,7 @@ impl Pad {
 
 /// Why text cannot be written to registers, or read from them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum TextError {
     /// The text is longer than the room for it, in bytes. The caller is to blame.
     Room {

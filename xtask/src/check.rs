@@ -86,6 +86,11 @@ fn run_all(tally: &mut Tally) {
                     Board::Stm32,
                     &stm32,
                 ),
+                (
+                    "clippy of the STM32's crate with defmt",
+                    Board::Stm32,
+                    &["--features", "defmt"],
+                ),
             ] {
                 let mut lint = builder.toolchain().cargo_in_board(board);
                 lint.args(["clippy", "--release", "--target-dir"])

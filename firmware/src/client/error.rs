@@ -8,6 +8,7 @@ use multidrop_protocol::frame::ReceiveErrors;
 
 /// Why a request has no valid answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ClientError {
     /// The request is outside the limits of the standard; nothing was sent.
     Request(RequestError),
@@ -40,6 +41,7 @@ pub enum ClientError {
 
 /// The party that can remove the cause of an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Blame {
     /// The program that made the request.
     Caller,

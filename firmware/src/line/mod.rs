@@ -25,6 +25,7 @@ pub use multidrop_protocol::port_registers::InterCharacter;
 
 /// Bytes that [`Line::transmit`] cannot send. The caller's error; nothing was sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum TransmitError {
     /// Unit id, function code and data are this many bytes, must be 2..=254.
     Length(usize),

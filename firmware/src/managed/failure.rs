@@ -11,6 +11,7 @@ pub type Outcome = Result<(), Failure>;
 
 /// Why a transaction failed: the first of its requests that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Failure {
     /// The unit id of the slave.
     pub unit: u8,

@@ -63,6 +63,7 @@ pub enum Event<'a> {
 
 /// Why there was no valid answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Failure {
     /// No frame was received.
     Timeout,

@@ -8,6 +8,7 @@ use crate::exception::Exception;
 ///
 /// The message names the field, its value and the values that are accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RequestError {
     /// The unit id is reserved: 0 is a broadcast, 1..=247 are servers (SER 2.2).
     Unit {
@@ -118,6 +119,7 @@ impl core::error::Error for RequestError {}
 
 /// Why a good frame is not a positive answer to the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AnswerError {
     /// The frame is from this unit, to which the request was not sent.
     Unit(u8),

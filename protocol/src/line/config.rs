@@ -63,6 +63,7 @@ impl LineConfig {
 
 /// A [`LineConfig`] that the chip cannot do. The caller's error; the line keeps its settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LineError {
     /// The clock does not make this rate within 2.5 %.
     Baud {

@@ -9,6 +9,7 @@ use crate::format::Framing;
 /// A value that a register does not take; nothing was changed. Displayed it names the register, the value and what would be
 /// right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Refused {
     /// The register that has, or would have, the wrong value: for START the one that stands in the way.
     pub register: Register,
@@ -20,6 +21,7 @@ pub struct Refused {
 
 /// What is wrong with a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reason {
     /// The register takes no such value: see [`Register::range`] and [`Register::choices`].
     Value,

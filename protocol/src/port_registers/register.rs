@@ -10,6 +10,7 @@ macro_rules! registers {
     )* })* })*) => {
         /// One register of a port, `MB_<port>_<name>` in iDevOS. Those that are arrays have an index, from 0.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Register {
             $($($( $(#[$doc])* $register $(($index_type))?, )*)*)*
         }

@@ -36,8 +36,9 @@ use core::task::{Context, Poll};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
+use heapless::Vec;
 use multidrop_protocol::Adu;
-use multidrop_protocol::frame::ReceiveErrors;
+use multidrop_protocol::frame::{LEN_MAX, ReceiveErrors};
 use multidrop_protocol::sniffer::{Counts, Direction, Sniffer, Text, write_damaged, write_frame};
 
 /// Observes a line.
@@ -79,8 +80,7 @@ const DAMAGED: u8 = 0x80;
 
 /// Records, one after the other; the first one is at the beginning.
 struct Records<const N: usize> {
-    bytes: [u8; N],
-    len: usize,
+    bytes: Vec<u8, N>,
 }
 
 /// The frames that were observed and not yet taken, in `N` bytes: each takes 10 bytes and its own length. `N` is at
@@ -106,15 +106,12 @@ impl<const N: usize> Capture<N> {
     pub const fn within_ms(patience_ms: u32) -> Self {
         const {
             assert!(
-                N >= HEAD + 254,
+                N >= HEAD + LEN_MAX as usize,
                 "a capture must have room for a whole frame"
             )
         };
         Self {
-            records: RefCell::new(Records {
-                bytes: [0; N],
-                len: 0,
-            }),
+            records: RefCell::new(Records { bytes: Vec::new() }),
             sniffer: RefCell::new(Sniffer::new(patience_ms)),
             dropped: Cell::new(0),
             printed: Cell::new(0),
@@ -155,16 +152,13 @@ impl<const N: usize> Default for Capture<N> {
 
 impl<const N: usize> Records<N> {
     fn push(&mut self, time: u64, kind: u8, frame: &[u8]) -> bool {
-        let Some(place) = self.bytes[self.len..].get_mut(..HEAD + frame.len()) else {
-            return false;
-        };
-        let (head, bytes) = place.split_at_mut(HEAD);
+        let mut head = [0; HEAD];
         head[..8].copy_from_slice(&time.to_le_bytes());
         head[8] = kind;
         head[9] = frame.len() as u8;
-        bytes.copy_from_slice(frame);
-        self.len += HEAD + frame.len();
-        true
+        HEAD + frame.len() <= N - self.bytes.len()
+            && self.bytes.extend_from_slice(&head).is_ok()
+            && self.bytes.extend_from_slice(frame).is_ok()
     }
 
     /// The first record, which must exist, and its length.
@@ -186,8 +180,7 @@ impl<const N: usize> Records<N> {
     }
 
     fn take(&mut self, len: usize) {
-        self.bytes.copy_within(len..self.len, 0);
-        self.len -= len;
+        self.bytes.drain(..len);
     }
 }
 
@@ -221,7 +214,7 @@ impl<const N: usize> TextSource for Capture<N> {
     fn poll_text(&self, context: &mut Context<'_>) -> Poll<()> {
         loop {
             let came = pin!(self.came.wait()).poll(context);
-            if self.records.borrow().len > 0 {
+            if !self.records.borrow().bytes.is_empty() {
                 return Poll::Ready(());
             }
             if came.is_pending() {
@@ -232,7 +225,7 @@ impl<const N: usize> TextSource for Capture<N> {
 
     fn text(&self, into: &mut Adu) -> u8 {
         let records = self.records.borrow();
-        if records.len == 0 {
+        if records.bytes.is_empty() {
             return 0;
         }
         let mut window = Window {
@@ -246,7 +239,7 @@ impl<const N: usize> TextSource for Capture<N> {
 
     fn sent(&self, len: u8) {
         let mut records = self.records.borrow_mut();
-        if records.len == 0 {
+        if records.bytes.is_empty() {
             return;
         }
         let printed = self.printed.get() + u16::from(len);
@@ -269,7 +262,7 @@ impl<const N: usize> TextSource for Capture<N> {
 
 /// Characters that are printed in one call. A line ends with two characters, and no line is one character longer than
 /// a multiple of this.
-const CHUNK: usize = 254;
+const CHUNK: usize = LEN_MAX as usize;
 
 /// A part of a line of text.
 struct Window<'a> {

@@ -10,7 +10,7 @@ use multidrop::protocol::format::Framing;
 use multidrop::protocol::frame::ReceiveErrors;
 use multidrop::protocol::port_registers::{Mode, PortRegisters, Register};
 use multidrop::protocol::registers::{Bank, CoilBank, NoRules};
-use multidrop::sniff::{Capture, Seen};
+use multidrop::sniff::{Capture, Observer, Seen};
 
 const RS4: PortConfig = PortConfig::new("RS4")
     .mode(Mode::Sniffer)
@@ -141,6 +141,35 @@ fn what_finds_no_room_is_counted_and_the_rest_is_whole() {
         assert!(line.starts_with("req 11 06 00 ") || line.starts_with("ans 11 06 00 "));
         assert_eq!(line.len(), 21);
     }
+}
+
+#[test]
+fn a_frame_that_finds_no_room_leaves_no_part_of_it() {
+    let mut bench = Bench::new();
+    let capture: &'static Capture<264> = Box::leak(Box::new(Capture::new()));
+    // The first leaves 40 bytes: room for time and length of the second, but not for its bytes.
+    let frames = [vec![17; 214], vec![18; 31], vec![19; 30]];
+    for frame in &frames {
+        capture.hear(Ok(frame));
+    }
+    assert_eq!(capture.dropped(), 1);
+    for expected in [&frames[0], &frames[2]] {
+        let taken = bench.ask(capture.next(|_, seen| match seen {
+            Seen::Frame(_, frame) => frame.to_vec(),
+            Seen::Damaged(errors) => panic!("{errors}"),
+        }));
+        assert_eq!(taken.take().as_ref(), Some(expected));
+    }
+}
+
+#[test]
+fn text_that_was_not_sent_is_printed_again() {
+    let mut bench = Bench::new();
+    let setup = setup(&mut bench);
+    setup.printed.loses.set(Some(false));
+    setup.heard.hear(Ok(vec![17, 6, 0, 1, 0, 0]));
+    bench.run(60);
+    assert_eq!(lines(setup.printed), ["req 11 06 00 01 00 00"]);
 }
 
 #[test]

@@ -5,6 +5,8 @@
 
 const CAPACITY: usize = 160;
 
+// Not a `heapless::String`: text cannot be pushed to one in a `const fn`.
+
 /// A message under construction. Text beyond 160 bytes is cut.
 #[derive(Clone, Copy, Debug)]
 pub struct Message {

@@ -37,7 +37,8 @@ struct Alarm {
     waker: Waker,
 }
 
-/// The alarms. Tasks and the executor's loop use them, one after the other.
+/// The alarms. Tasks and the executor's loop use them, one after the other. A `heapless::Vec` of them takes 130 to 680 bytes
+/// of flash more.
 struct Alarms<const SLOTS: usize>(UnsafeCell<[Option<Alarm>; SLOTS]>);
 
 // SAFETY: see above; interrupts stay away.

@@ -2,7 +2,7 @@
 
 use multidrop_protocol::server::{DataModel, Diagnostics, Plan, Server};
 
-use crate::line::{Line, Released};
+use crate::line::{Frame, Line, Released};
 use crate::port::ServerPort;
 use crate::shared::Shared;
 
@@ -18,26 +18,39 @@ pub async fn serve<L: Line, D: Diagnostics, M: DataModel>(
     model: &Shared<M>,
 ) -> ! {
     loop {
-        let mut frame = port.requests.wait().await;
-        let request_len = frame.request_len();
-        let plan = model.with(|model| port.server.prepare(model, frame.adu(), request_len));
-        let mut answer = match plan.answer_at_once::<M>() {
-            0 => frame.hold(),
-            len => frame.release(len),
-        };
-        if D::COUNTS || matches!(plan, Plan::Write { .. } | Plan::Call) {
+        let frame = port.requests.wait().await;
+        let (plan, mut answer) = prepare(&port.server, model, frame);
+        if must_stand::<D>(plan) {
             if !answer.settle().await {
                 continue;
             }
-            conclude(&port.server, model, &mut answer, request_len, plan);
+            conclude(&port.server, model, &mut answer, plan);
         }
-        if !answer.sent().await && D::COUNTS && port.line.was_cut() {
-            port.server.cut_off();
-        }
-        if D::COUNTS {
-            port.line.set_delimiter(port.server.delimiter());
-        }
+        let is_out = answer.sent().await;
+        finish(&port.line, &port.server, is_out);
     }
+}
+
+/// Works out the answer to a request, and releases it if it may go out as soon as the frame stands.
+#[inline(always)]
+pub(crate) fn prepare<'l, L: Line, D: Diagnostics, M: DataModel>(
+    server: &Server<D>,
+    model: &Shared<M>,
+    mut frame: Frame<'l, L>,
+) -> (Plan, Released<'l, L>) {
+    let request_len = frame.request_len();
+    let plan = model.with(|model| server.prepare(model, frame.adu(), request_len));
+    let answer = match plan.answer_at_once::<M>() {
+        0 => frame.hold(),
+        len => frame.release(len),
+    };
+    (plan, answer)
+}
+
+/// Whether there is something to [`conclude`].
+#[inline(always)]
+pub(crate) fn must_stand<D: Diagnostics>(plan: Plan) -> bool {
+    D::COUNTS || matches!(plan, Plan::Write { .. } | Plan::Call)
 }
 
 /// Does what was planned for a frame that stands. An answer that was released before is only read.
@@ -46,9 +59,20 @@ pub(crate) fn conclude<L: Line, D: Diagnostics, M: DataModel>(
     server: &Server<D>,
     model: &Shared<M>,
     answer: &mut Released<'_, L>,
-    request_len: u8,
     plan: Plan,
 ) {
+    let request_len = answer.request_len();
     let len = model.with(|model| server.conclude(model, answer.access(), request_len, plan));
     answer.release(len);
+}
+
+/// Counts an answer that was cut off, and ends ASCII frames as the request has asked for.
+#[inline(always)]
+pub(crate) fn finish<L: Line, D: Diagnostics>(line: &L, server: &Server<D>, is_out: bool) {
+    if !is_out && D::COUNTS && line.was_cut() {
+        server.cut_off();
+    }
+    if D::COUNTS {
+        line.set_delimiter(server.delimiter());
+    }
 }

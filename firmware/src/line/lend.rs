@@ -193,6 +193,12 @@ impl<'l, L: Line> Released<'l, L> {
         self.lent.adu()
     }
 
+    /// Bytes of unit id, function code and data of the frame that was heard: 2..=254, 0 in a buffer lent to send from.
+    #[inline(always)]
+    pub fn request_len(&self) -> u8 {
+        self.lent.len
+    }
+
     /// Unit id, function code and data of the frame that was heard; nothing of a buffer that was lent to send from.
     #[inline(always)]
     pub fn heard(&self) -> &[u8] {

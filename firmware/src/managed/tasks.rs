@@ -18,9 +18,9 @@ use multidrop_protocol::server::{DataModel, Diagnostics, Plan};
 
 use super::{Failure, ManagedPort, Outcome, Started};
 use crate::client::Client;
-use crate::line::{Adu, Frame, Line, LineConfig};
+use crate::line::{Adu, Frame, Line, LineConfig, Released};
 use crate::route::Gateway;
-use crate::serve::conclude;
+use crate::serve::{conclude, finish, must_stand, prepare};
 use crate::shared::Shared;
 use crate::sniff::TextSource;
 
@@ -110,6 +110,32 @@ where
     M: DataModel,
 {
     run!(port, model)
+}
+
+/// What a port does with a lent frame.
+#[derive(Clone, Copy)]
+enum Purpose {
+    /// Sends `len` bytes without a request: text, or the answer to a routed request.
+    Send { len: u8 },
+    /// Shows it to the capture: the port is a sniffer.
+    Show,
+    /// Answers it, or forwards it to the router.
+    Answer {
+        plan: Plan,
+        router: Option<&'static dyn Gateway>,
+    },
+}
+
+impl Purpose {
+    /// Whether there is something to do when the frame stands.
+    #[inline(always)]
+    fn must_stand<D: Diagnostics>(self) -> bool {
+        match self {
+            Purpose::Send { .. } => false,
+            Purpose::Show => true,
+            Purpose::Answer { plan, router } => must_stand::<D>(plan) || router.is_some(),
+        }
+    }
 }
 
 fn seen<'a, L: Line>(
@@ -239,64 +265,79 @@ where
         }
     }
 
-    /// A request is answered, as [`serve`](crate::serve()) does, or handed to the router; a sniffer shows what it hears; an empty frame
-    /// is filled and sent.
+    /// Attends to one frame, from the moment it is there until it is given back.
     fn attend<M: DataModel>(
         &self,
         model: &Shared<M>,
-        mut frame: Frame<'static, L>,
+        frame: Frame<'static, L>,
     ) -> impl Future<Output = ()> {
         async move {
-            let request_len = frame.request_len();
-            let is_own = L::HAS_NEIGHBOURS && request_len == 0;
-            let is_heard = !is_own && self.is_sniffer();
-            let mut router = None;
-            let mut plan = Plan::Ignore;
-            let early = if is_own {
-                self.write_unsolicited(frame.adu())
-            } else if is_heard {
-                0
-            } else {
-                router = self.router_to(frame.unit());
-                plan = model.with(|model| self.server.prepare(model, frame.adu(), request_len));
-                plan.answer_at_once::<M>()
+            let Some((purpose, mut answer)) = self.begin(model, frame) else {
+                return;
             };
-            let mut answer = match early {
-                0 if is_own => return,
-                0 => frame.hold(),
-                len => frame.release(len),
-            };
-            let must_stand = is_heard
-                || D::COUNTS
-                || router.is_some()
-                || matches!(plan, Plan::Write { .. } | Plan::Call);
-            if must_stand && !is_own {
-                if !answer.settle().await {
-                    return;
-                }
-                if is_heard {
-                    // What does not stand is heard again as a damaged frame.
-                    return self.line.show(Ok(answer.heard()));
-                }
-                conclude(&self.server, model, &mut answer, request_len, plan);
-                if let Some(router) = router {
-                    return router.forward(&answer.bytes()[..usize::from(request_len)]);
-                }
-            }
-            let is_out = answer.sent().await;
-            if is_own {
-                // Whoever talks instead of waiting for an answer has given it up; text is said again.
-                if is_out && let Some(text_source) = self.text_source() {
-                    text_source.sent(early);
-                }
+            if purpose.must_stand::<D>()
+                && !(answer.settle().await && self.on_stands(model, &mut answer, purpose))
+            {
                 return;
             }
-            if !is_out && D::COUNTS && self.line.was_cut() {
-                self.server.cut_off();
+            let is_out = answer.sent().await;
+            self.on_sent(purpose, is_out);
+        }
+    }
+
+    /// Fills an empty frame, or works out the answer to a request, and releases what may be sent. `None` if an empty
+    /// frame stays empty.
+    #[inline(always)]
+    fn begin<M: DataModel>(
+        &self,
+        model: &Shared<M>,
+        mut frame: Frame<'static, L>,
+    ) -> Option<(Purpose, Released<'static, L>)> {
+        if L::HAS_NEIGHBOURS && frame.request_len() == 0 {
+            return match self.write_unsolicited(frame.adu()) {
+                0 => None,
+                len => Some((Purpose::Send { len }, frame.release(len))),
+            };
+        }
+        if self.is_sniffer() {
+            return Some((Purpose::Show, frame.hold()));
+        }
+        let router = self.router_to(frame.unit());
+        let (plan, answer) = prepare(&self.server, model, frame);
+        Some((Purpose::Answer { plan, router }, answer))
+    }
+
+    /// Carries out what was planned for a frame that stands. `false` if nothing is sent after it.
+    #[inline(always)]
+    fn on_stands<M: DataModel>(
+        &self,
+        model: &Shared<M>,
+        answer: &mut Released<'static, L>,
+        purpose: Purpose,
+    ) -> bool {
+        let Purpose::Answer { plan, router } = purpose else {
+            // What does not stand is heard again as a damaged frame.
+            self.line.show(Ok(answer.heard()));
+            return false;
+        };
+        conclude(&self.server, model, answer, plan);
+        if let Some(router) = router {
+            router.forward(answer.heard());
+        }
+        router.is_none()
+    }
+
+    /// Takes note of whether the released bytes were sent.
+    #[inline(always)]
+    fn on_sent(&self, purpose: Purpose, is_out: bool) {
+        match purpose {
+            // Whoever talks instead of waiting for an answer has given it up; text is said again.
+            Purpose::Send { len } => {
+                if is_out && let Some(text_source) = self.text_source() {
+                    text_source.sent(len);
+                }
             }
-            if D::COUNTS {
-                self.line.set_delimiter(self.server.delimiter());
-            }
+            _ => finish(&self.line, &self.server, is_out),
         }
     }
 

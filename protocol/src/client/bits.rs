@@ -45,11 +45,12 @@ impl ReadBits {
 
 impl Request for ReadBits {
     fn encode(&self, draft: &mut Draft<'_>) -> Result<(), RequestError> {
-        draft.read(self.function)?;
-        block(self.first, self.count.into(), function::READ_BITS_MAX)?;
-        draft.word(self.first);
-        draft.word(self.count);
-        Ok(())
+        draft.read_block(
+            self.function,
+            self.first,
+            self.count,
+            function::READ_BITS_MAX,
+        )
     }
 
     fn check(&self, frame: &[u8]) -> Result<(), AnswerError> {

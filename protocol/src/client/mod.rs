@@ -56,13 +56,9 @@ pub use status::{
 };
 
 use crate::exception::Exception;
+use crate::frame::{LEN_MAX, LEN_MIN};
 use crate::function::EXCEPTION_BIT;
 use crate::{Adu, BROADCAST, UNIT_MAX};
-
-/// Bytes of the shortest frame: unit id and function code.
-const LEN_MIN: usize = 2;
-/// Bytes of unit id and the longest PDU.
-const LEN_MAX: u8 = 254;
 
 /// One request.
 ///
@@ -131,6 +127,25 @@ impl Draft<'_> {
             return Err(RequestError::Broadcast { function });
         }
         self.byte(function);
+        Ok(())
+    }
+
+    /// Function code, first address and count of a request that reads a block of 1..=`max` items.
+    ///
+    /// # Errors
+    ///
+    /// [`RequestError`] if the block has no items, or too many, or runs past address 65535, and as [`read`](Draft::read).
+    fn read_block(
+        &mut self,
+        function: u8,
+        first: u16,
+        count: u16,
+        max: u16,
+    ) -> Result<(), RequestError> {
+        self.read(function)?;
+        block(first, count.into(), max)?;
+        self.word(first);
+        self.word(count);
         Ok(())
     }
 
@@ -211,7 +226,7 @@ pub fn judge(
 
 /// The data of an answer, after unit id and function code.
 fn data(frame: &[u8]) -> &[u8] {
-    frame.get(LEN_MIN..).unwrap_or(&[])
+    frame.get(LEN_MIN.into()..).unwrap_or(&[])
 }
 
 /// The error for a frame of a wrong length.

@@ -46,11 +46,12 @@ impl ReadRegisters {
 
 impl Request for ReadRegisters {
     fn encode(&self, draft: &mut Draft<'_>) -> Result<(), RequestError> {
-        draft.read(self.function)?;
-        block(self.first, self.count.into(), function::READ_REGISTERS_MAX)?;
-        draft.word(self.first);
-        draft.word(self.count);
-        Ok(())
+        draft.read_block(
+            self.function,
+            self.first,
+            self.count,
+            function::READ_REGISTERS_MAX,
+        )
     }
 
     fn check(&self, frame: &[u8]) -> Result<(), AnswerError> {

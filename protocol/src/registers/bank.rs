@@ -1,6 +1,6 @@
 //! A dense bank of registers.
 
-use super::Items;
+use super::items::{Items, set_cell};
 use crate::data::{Registers, RegistersOut};
 use crate::exception::Exception;
 
@@ -146,13 +146,7 @@ impl<const N: usize> Items for Bank<N> {
     }
 
     fn set_item(&mut self, index: u16, value: u16) -> bool {
-        match self.cells.get_mut(usize::from(index)) {
-            Some(cell) => {
-                *cell = value;
-                true
-            }
-            None => false,
-        }
+        set_cell(&mut self.cells, index, value)
     }
 
     fn address_of(&self, index: u16) -> Option<u16> {

@@ -195,6 +195,13 @@ fn put<I: Items>(items: &mut I, first: u16, values: impl Iterator<Item = I::Item
     }
 }
 
+/// Sets the cell at this index; `false` behind the last.
+#[inline(always)]
+pub(super) fn set_cell<T>(cells: &mut [T], index: u16, value: T) -> bool {
+    let cell = cells.get_mut(usize::from(index));
+    cell.map(|cell| *cell = value).is_some()
+}
+
 /// An empty array of coils, for a port that has only registers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NoCoils;

@@ -1,6 +1,6 @@
 //! The scan list, an array of four rows: addresses, data, slave ids, register offsets.
 
-use super::items::{Items, ScanEntry};
+use super::items::{Items, ScanEntry, set_cell};
 use crate::UNIT_MAX;
 use crate::message::Message;
 
@@ -111,13 +111,7 @@ impl<const N: usize> Items for ScanList<N> {
     }
 
     fn set_item(&mut self, index: u16, value: u16) -> bool {
-        match self.cells.get_mut(usize::from(index)) {
-            Some(cell) => {
-                *cell = value;
-                true
-            }
-            None => false,
-        }
+        set_cell(&mut self.cells, index, value)
     }
 
     fn address_of(&self, index: u16) -> Option<u16> {

@@ -1,6 +1,6 @@
 //! Items at arbitrary addresses: the array of two rows, addresses and data.
 
-use super::items::{self, Items};
+use super::items::{self, Items, set_cell};
 use crate::data::{Coils, CoilsOut, Registers, RegistersOut};
 use crate::exception::Exception;
 use crate::message::Message;
@@ -172,13 +172,7 @@ impl<T: Copy + Default, const N: usize> Items for Sparse<T, N> {
     }
 
     fn set_item(&mut self, index: u16, value: T) -> bool {
-        match self.cells.get_mut(usize::from(index)) {
-            Some(cell) => {
-                *cell = value;
-                true
-            }
-            None => false,
-        }
+        set_cell(&mut self.cells, index, value)
     }
 
     fn address_of(&self, index: u16) -> Option<u16> {

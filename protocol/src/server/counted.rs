@@ -2,9 +2,10 @@
 
 use core::cell::Cell;
 
-use super::diagnostics::{Diagnostics, LINE_FEED};
+use super::diagnostics::Diagnostics;
 use super::event_log::{self, EventLog};
 use super::{Plan, REQUEST_HEAD, two_words};
+use crate::ascii::DELIMITER;
 use crate::exception::Exception;
 use crate::frame::ReceiveErrors;
 use crate::function::{
@@ -73,7 +74,7 @@ impl<const LOG: usize> Counted<LOG> {
             diagnostic_register: Cell::new(0),
             log: EventLog::new(),
             listens_only: Cell::new(false),
-            delimiter: Cell::new(LINE_FEED),
+            delimiter: Cell::new(DELIMITER),
         }
     }
 

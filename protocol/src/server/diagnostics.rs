@@ -2,6 +2,7 @@
 
 use super::Plan;
 use crate::Adu;
+use crate::ascii::DELIMITER;
 use crate::exception::Exception;
 use crate::frame::ReceiveErrors;
 
@@ -42,9 +43,6 @@ pub trait Diagnostics {
     fn delimiter(&self) -> u8;
 }
 
-/// Line feed, the end of an ASCII frame until FC 08 changes it (SER 2.5.2.1).
-pub(super) const LINE_FEED: u8 = 0x0A;
-
 /// A server without counters.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Uncounted;
@@ -76,6 +74,6 @@ impl Diagnostics for Uncounted {
 
     #[inline(always)]
     fn delimiter(&self) -> u8 {
-        LINE_FEED
+        DELIMITER
     }
 }

@@ -69,14 +69,13 @@ pub use model::DataModel;
 use core::cell::Cell;
 
 use crate::exception::Exception;
+use crate::frame::{LEN_MAX, LEN_MIN, ReceiveErrors};
 use crate::{Adu, BROADCAST, UNIT_MAX, UNIT_MIN, function};
 
-/// Bytes of the shortest frame: unit id and function code.
-const LEN_MIN: u8 = 2;
-/// Bytes of unit id and the longest PDU.
-const LEN_MAX: u8 = 254;
 /// Bytes of unit id, function code and one word.
 const REQUEST_HEAD: u8 = 4;
+/// Bytes of unit id, function code, address and quantity.
+const READ_LEN: u8 = 6;
 /// Bytes of unit id, function code and exception code.
 const EXCEPTION_LEN: u8 = 3;
 /// Bytes of the answer to a write: unit id, function code, address, and value or quantity, as in the request.
@@ -204,7 +203,7 @@ impl<D: Diagnostics> Server<D> {
 
     /// Counts a damaged frame for any unit. Call it once for each.
     #[inline]
-    pub fn damaged(&self, errors: crate::frame::ReceiveErrors) {
+    pub fn damaged(&self, errors: ReceiveErrors) {
         self.diagnostics.damaged(errors);
     }
 
@@ -442,6 +441,20 @@ fn two_words(frame: &Adu) -> (u16, u16) {
         u16::from_be_bytes([frame[2], frame[3]]),
         u16::from_be_bytes([frame[4], frame[5]]),
     )
+}
+
+/// Address and quantity of a request to read a block of 1..=`max` items.
+///
+/// # Errors
+/// The exception to answer with.
+#[inline(always)]
+fn read_block(frame: &Adu, len: u8, max: u16) -> Result<(u16, u16), Exception> {
+    let (first, count) = two_words(frame);
+    if len != READ_LEN || count == 0 || count > max {
+        return Err(Exception::IllegalDataValue);
+    }
+    check_end(first, count)?;
+    Ok((first, count))
 }
 
 /// Refuses a block of `count` items, at least 1, that runs past address 65535.

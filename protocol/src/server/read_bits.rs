@@ -1,24 +1,17 @@
 //! Read Coils and Read Discrete Inputs (APP 6.1, 6.2).
 
-use super::{DataModel, Plan, check_end, two_words};
+use super::{DataModel, Plan, read_block};
 use crate::Adu;
 use crate::data::CoilsOut;
 use crate::exception::Exception;
 use crate::function::{READ_BITS_MAX, READ_COILS};
-
-/// Bytes of unit id, function code, address, quantity.
-const REQUEST_LEN: u8 = 6;
 
 pub(super) fn prepare<M: DataModel>(
     model: &mut M,
     frame: &mut Adu,
     len: u8,
 ) -> Result<Plan, Exception> {
-    let (first, count) = two_words(frame);
-    if len != REQUEST_LEN || count == 0 || count > READ_BITS_MAX {
-        return Err(Exception::IllegalDataValue);
-    }
-    check_end(first, count)?;
+    let (first, count) = read_block(frame, len, READ_BITS_MAX)?;
     let byte_count = ((count + 7) >> 3) as u8;
     frame[2] = byte_count;
     let code = frame[1];

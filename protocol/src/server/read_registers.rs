@@ -1,24 +1,17 @@
 //! Read Holding Registers and Read Input Registers (APP 6.3, 6.4).
 
-use super::{DataModel, Plan, check_end, two_words};
+use super::{DataModel, Plan, read_block};
 use crate::Adu;
 use crate::data::RegistersOut;
 use crate::exception::Exception;
 use crate::function::{READ_HOLDING_REGISTERS, READ_REGISTERS_MAX};
-
-/// Bytes of unit id, function code, address, quantity.
-const REQUEST_LEN: u8 = 6;
 
 pub(super) fn prepare<M: DataModel>(
     model: &mut M,
     frame: &mut Adu,
     len: u8,
 ) -> Result<Plan, Exception> {
-    let (first, count) = two_words(frame);
-    if len != REQUEST_LEN || count == 0 || count > READ_REGISTERS_MAX {
-        return Err(Exception::IllegalDataValue);
-    }
-    check_end(first, count)?;
+    let (first, count) = read_block(frame, len, READ_REGISTERS_MAX)?;
     let holding = frame[1] == READ_HOLDING_REGISTERS;
     answer(model, frame, first, count, holding).map(|len| Plan::Answer { len })
 }

@@ -1,9 +1,10 @@
 //! Read Exception Status and Report Server ID (APP 6.7, 6.13): requests without data.
 
-use super::{DataModel, LEN_MIN, Plan, serves};
+use super::{DataModel, Plan, serves};
 use crate::Adu;
 use crate::data::BytesOut;
 use crate::exception::Exception;
+use crate::frame::LEN_MIN;
 use crate::function::{PDU_MAX, READ_EXCEPTION_STATUS};
 
 pub(super) fn prepare<M: DataModel>(

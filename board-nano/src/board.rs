@@ -5,8 +5,9 @@ use embassy_avr_hal::usart::{self, Framings, Settings, Usart0};
 use embassy_avr_hal::{executor, pac};
 use embassy_executor::Spawner;
 use multidrop::Roll;
+use multidrop::line::ChipLine;
 
-use crate::{Bound, CLOCK_HZ, De};
+use crate::{Bound, CLOCK_HZ, De, line};
 
 /// The serial port, not opened yet: its pins are inputs.
 pub struct Closed {
@@ -27,16 +28,9 @@ impl Closed {
         self,
         irqs: impl usart::Bound<Usart0<De, CLOCK_HZ, F>>,
         settings: Settings<F>,
-    ) -> Usart0<De, CLOCK_HZ, F> {
-        Usart0::new(
-            self.usart,
-            &self.timer,
-            self.rxd,
-            self.txd,
-            self.de,
-            irqs,
-            settings,
-        )
+    ) -> ChipLine<Usart0<De, CLOCK_HZ, F>> {
+        let usart = Usart0::new(self.usart, &self.timer, self.rxd, self.txd, self.de, irqs);
+        line(usart, &settings)
     }
 }
 

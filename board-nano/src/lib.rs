@@ -14,11 +14,12 @@ mod watchdog;
 pub use board::{Board, Closed, Pins, init, run};
 pub use embassy_avr_hal as hal;
 use embassy_avr_hal::baud;
+use embassy_avr_hal::gpio::DriverEnable;
 use embassy_avr_hal::usart::{Delayed, Framings, RtuAndAscii, RtuOnly, Settings, Slow, Usart0};
 pub use embassy_avr_hal::watchdog::Watchdog;
 use multidrop::PortConfig;
 pub use multidrop::ResetCause;
-use multidrop::line::{InterCharacter, LineError};
+use multidrop::line::{ChipLine, InterCharacter, LineError};
 use multidrop::protocol::format::Framing;
 use multidrop::protocol::message::Message;
 use multidrop::protocol::port_registers::Duplex;
@@ -48,19 +49,19 @@ const fn is_slow() -> bool {
 }
 
 /// The Nano's one serial port, as RS-485, for RTU; for slow lines too where `MULTIDROP_BAUD` asks for one.
-pub type Rs485 = Usart0<De, CLOCK_HZ, Rtu>;
+pub type Rs485 = ChipLine<Usart0<De, CLOCK_HZ, Rtu>>;
 
 /// The same, for a port that speaks ASCII, at times or always.
-pub type Rs485Ascii = Usart0<De, CLOCK_HZ, RtuAndAscii>;
+pub type Rs485Ascii = ChipLine<Usart0<De, CLOCK_HZ, RtuAndAscii>>;
 
 /// The same as [`Rs485`], for a port whose DE goes up before its answer (DE_LEAD) or whose answer waits (RESPONSE_DELAY).
-pub type Rs485Delayed = Usart0<De, CLOCK_HZ, Delayed<RtuOnly>>;
+pub type Rs485Delayed = ChipLine<Usart0<De, CLOCK_HZ, Delayed<RtuOnly>>>;
 
 /// As [`Rs485`], for slow lines as well: t3.5 or the gap that ends a frame may be longer than 65535 ticks, 32.7 ms at 16 MHz.
-pub type Rs485Slow = Usart0<De, CLOCK_HZ, Slow<RtuOnly>>;
+pub type Rs485Slow = ChipLine<Usart0<De, CLOCK_HZ, Slow<RtuOnly>>>;
 
 /// As [`Rs485Ascii`], for slow lines as well.
-pub type Rs485AsciiSlow = Usart0<De, CLOCK_HZ, Slow<RtuAndAscii>>;
+pub type Rs485AsciiSlow = ChipLine<Usart0<De, CLOCK_HZ, Slow<RtuAndAscii>>>;
 
 /// Of [`Rs485`].
 pub enum Rtu {}
@@ -72,7 +73,7 @@ impl Framings for Rtu {
 }
 
 /// The same, for an application that can be built for either: with ASCII where [`options::ascii`] asks for it.
-pub type Rs485Option = Usart0<De, CLOCK_HZ, OptionFramings>;
+pub type Rs485Option = ChipLine<Usart0<De, CLOCK_HZ, OptionFramings>>;
 
 /// Of [`Rs485Option`].
 pub enum OptionFramings {}
@@ -81,6 +82,28 @@ impl Framings for OptionFramings {
     const ASCII: bool = options::ascii();
     type Delays = ();
     const SLOW: bool = is_slow();
+}
+
+/// The line of a USART, which listens once interrupts are enabled and the bus was silent for t3.5.
+#[inline(always)]
+pub fn line<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings>(
+    usart: Usart0<DE, CLOCK_HZ, F>,
+    settings: &Settings<F>,
+) -> ChipLine<Usart0<DE, CLOCK_HZ, F>> {
+    // SAFETY: there is one USART, made of the one set of its registers, with one machine and one buffer; its interrupts use both as
+    // the machine says.
+    unsafe { ChipLine::new(usart, Some(settings)) }
+}
+
+/// The chip's side of a line, to which its interrupts are bound.
+#[doc(hidden)]
+pub trait OfUsart {
+    /// A [`Usart0`].
+    type Usart;
+}
+
+impl<DE, const CLOCK_HZ: u32, F> OfUsart for ChipLine<Usart0<DE, CLOCK_HZ, F>> {
+    type Usart = Usart0<DE, CLOCK_HZ, F>;
 }
 
 /// What is wrong with a silence that only a slow line counts.
@@ -144,7 +167,10 @@ pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
 
 /// How deep the stack has been since the board has started. Not in an image that is built bare.
 #[cfg(not(feature = "bare"))]
-pub use embassy_avr_hal::stack::stack;
+pub fn stack() -> multidrop::Stack {
+    let embassy_avr_hal::stack::Stack { size, used } = embassy_avr_hal::stack::stack();
+    multidrop::Stack { size, used }
+}
 
 /// Why the board has started; [`ResetCause::Other`] in an image that is built bare. [`ResetCause::report`] puts it into the
 /// diagnostic register.

@@ -70,7 +70,7 @@ macro_rules! bind_interrupts {
     ($vis:vis struct $name:ident { USART0 => $line:ty; WATCHDOG => $time:expr; $($rest:tt)* }) => {
         $crate::hal::bind_interrupts! {
             /// What is bound, and the watchdog.
-            $vis struct $name { USART0 => $line; WATCHDOG; $($rest)* }
+            $vis struct $name { USART0 => <$line as $crate::OfUsart>::Usart; WATCHDOG; $($rest)* }
         }
 
         impl $crate::Bound for $name {
@@ -95,7 +95,7 @@ macro_rules! bind_interrupts {
 
             #[inline(always)]
             fn is_healthy() -> bool {
-                <$line>::half_is_over(
+                <<$line as $crate::OfUsart>::Usart>::half_is_over(
                     const { <$name as $crate::Bound>::TIME.half($crate::CLOCK_HZ) },
                 )
             }

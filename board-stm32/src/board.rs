@@ -11,7 +11,7 @@ use multidrop::ResetCause;
 use multidrop::roll::Watchdog as _;
 
 use crate::ports::{As1, As2, LEDS, Port, PortSetup, Rs2, Rs4, check_free, pin};
-use crate::usart::{Usart, registers};
+use crate::usart::{self, Usart, registers};
 use crate::watchdog::{self, Dog, Roll, Watchdog};
 use crate::{Clock, fault, platform, stack};
 
@@ -25,7 +25,7 @@ impl<P: Port> Closed<P> {
     /// Without the crystal ([`clock`]) a port whose rate would be off by more than 2.5 % stays off, until it is configured
     /// for another.
     pub fn open(self, settings: PortSetup<P>) -> Usart {
-        Usart::open(P::INDEX, settings.line, settings.baud)
+        usart::open(P::INDEX, settings.line, settings.baud)
     }
 }
 

@@ -39,14 +39,8 @@ use embassy_time::Instant;
 use heapless::Vec;
 use multidrop_protocol::Adu;
 use multidrop_protocol::frame::{LEN_MAX, ReceiveErrors};
+pub use multidrop_protocol::line::Observer;
 use multidrop_protocol::sniffer::{Counts, Direction, Sniffer, Text, write_damaged, write_frame};
-
-/// Observes a line.
-pub trait Observer {
-    /// Called for each frame that was heard: unit id, function code and data of a good one, or the errors of a
-    /// damaged one.
-    fn hear(&self, seen: Result<&[u8], ReceiveErrors>);
-}
 
 /// Supplies text to a port that prints.
 pub trait TextSource {

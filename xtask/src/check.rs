@@ -7,7 +7,7 @@ use crate::needs::Purpose;
 use crate::repo::SIMULATED;
 use crate::scenario::{LineOptions, Scenario};
 use crate::tally::{Counts, Tally};
-use crate::{bench, front, guide, layout, mutants, package, python, repo, setup};
+use crate::{bench, front, guide, layers, layout, mutants, package, python, repo, setup};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
@@ -61,6 +61,7 @@ fn run_all(tally: &mut Tally) {
 
     headline("how the repository is divided");
     layout::run(tally);
+    layers::run(tally);
 
     headline("README, guide and API documentation");
     guide::run(tally);

@@ -17,6 +17,7 @@ mod fuzz;
 mod guide;
 mod image;
 mod job;
+mod layers;
 mod layout;
 mod machine;
 mod mutants;

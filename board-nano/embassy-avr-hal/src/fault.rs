@@ -11,7 +11,7 @@
 
 use core::arch::{asm, global_asm};
 
-use multidrop::ResetCause;
+use multidrop_protocol::server::ResetCause;
 
 use crate::gpio::DriverEnable;
 

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`executor`] | an executor that truly sleeps when idle and loses no wake-up |
 //! | [`interrupts`] | the token of what is bound, by [`bind_interrupts!`] |
-//! | [`usart`] | the USART as a [`Line`](multidrop::Line): frames by silence, DE, no task woken per byte |
+//! | [`usart`] | the USART as the [`Chip`](multidrop_protocol::line::Chip) of a line: frames by silence, DE, no task woken per byte |
 //! | [`time`] | a driver for `embassy-time`, linked only where it is bound |
 //! | [`gpio`] | pins with the `embedded-hal` 1.0 traits |
 //! | [`edge`] | edges of port D's pins to wait for, with the trait of `embedded-hal-async` |
@@ -41,4 +41,4 @@ mod mem;
 mod timer1;
 
 pub use avr_device::atmega328p as pac;
-pub use multidrop::protocol::baud::atmega as baud;
+pub use multidrop_protocol::baud::atmega as baud;

@@ -15,7 +15,7 @@ use core::task::Waker;
 use avr_device::interrupt;
 use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::{Driver, TICK_HZ};
-use multidrop::protocol::message::Message;
+use multidrop_protocol::message::Message;
 
 use crate::executor::{self, TIME};
 use crate::timer1::{self, OCF1A, PRESCALER, TOV1};

@@ -10,7 +10,7 @@
 //! The old boot loader of Nanos (ATmegaBOOT) does not turn the watchdog off that runs after its reset, and loops for ever:
 //! with that one it must not be used.
 
-use multidrop::protocol::message::Message;
+use multidrop_protocol::message::Message;
 
 use crate::timer1::PRESCALER;
 

@@ -1,4 +1,4 @@
-//! The USARTs as [`Line`]s: frames out of silence, answers at t3.5, DE.
+//! The USARTs as lines: frames out of silence, answers at t3.5, DE.
 //!
 //! A port's interrupt stores byte and CRC and sets the port's alarm to the end of the silence that would
 //! complete the frame; no task is woken per byte. The alarm completes the frame at t1.5, judges it when 23/24
@@ -15,15 +15,15 @@
 pub(crate) mod settings;
 
 #[cfg(target_arch = "arm")]
-mod line;
+mod chip;
 #[cfg(target_arch = "arm")]
 pub(crate) mod registers;
 #[cfg(target_arch = "arm")]
 mod state;
 
 #[cfg(target_arch = "arm")]
-pub use line::Usart;
+pub(crate) use chip::{INTERRUPTS, no_frame_is_stuck, on_alarm, open};
 #[cfg(target_arch = "arm")]
-pub(crate) use line::{INTERRUPTS, no_frame_is_stuck, on_alarm};
+pub use chip::{Usart, UsartChip};
 pub use multidrop::protocol::baud::stm32 as baud;
 pub use settings::Settings;

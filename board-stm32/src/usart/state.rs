@@ -4,10 +4,9 @@
 //! The interrupts of the line, which do not nest, and the futures, with interrupts off, are the only users.
 
 use core::cell::UnsafeCell;
-use core::ptr::NonNull;
 
 use embassy_sync::waitqueue::WakerRegistration;
-use multidrop::line::Adu;
+use multidrop::line::{Adu, LineBuffer};
 use multidrop::protocol::format::Framing;
 use multidrop::protocol::frame::{ReceiveErrors, Received};
 use multidrop::protocol::line::{Ascii, Interval, LineMachine, Wire};
@@ -18,24 +17,8 @@ use super::settings::Settings;
 use crate::ports::PORTS;
 use crate::{TICK_HZ, platform};
 
-/// A buffer, apart from [`State`] so that it starts as zeros and takes no flash.
-pub(super) struct AduCell(UnsafeCell<Adu>);
-
-// SAFETY: the machine says who may use it.
-unsafe impl Sync for AduCell {}
-
-pub(super) static ADUS: [AduCell; PORTS] =
-    [const { AduCell(UnsafeCell::new([0; size_of::<Adu>()])) }; PORTS];
-
-impl AduCell {
-    pub fn get(&self) -> *mut Adu {
-        self.0.get()
-    }
-
-    pub fn buffer(&self) -> NonNull<Adu> {
-        NonNull::from(&self.0).cast()
-    }
-}
+/// The buffers, apart from [`State`], so that they start as zeros and take no flash.
+pub(super) static ADUS: [LineBuffer; PORTS] = [const { LineBuffer::new() }; PORTS];
 
 /// [`State`] of a port.
 pub(super) struct Shared(UnsafeCell<State>);
@@ -62,9 +45,7 @@ impl Shared {
 
 pub(super) struct State {
     pub machine: LineMachine,
-    pub chip: Chip,
-    /// For how many ms a frame is lent, as the watchdog sees it.
-    lent_ms: u32,
+    pub driver: Driver,
 }
 
 /// Bytes of the longest frame without its check (SER 2.5.1).
@@ -82,10 +63,10 @@ enum Awaited {
 }
 
 /// A port's USART, alarm and start-bit detector, as they are set up, and its tasks.
-pub(super) struct Chip {
+pub struct Driver {
     port: u8,
     /// The port's of [`ADUS`].
-    adu: &'static AduCell,
+    adu: &'static LineBuffer,
     registers: Registers,
     settings: Settings,
     reception: Reception,
@@ -95,15 +76,17 @@ pub(super) struct Chip {
     alarm_at: u32,
     /// Ticks from there to the end of the time for which the port may send; before that of what an answer has to wait for.
     bound_left: u32,
-    pub receiver: WakerRegistration,
-    pub user: WakerRegistration,
+    /// For how many ms a frame is lent, as the watchdog sees it.
+    lent_ms: u32,
+    pub(super) receiver: WakerRegistration,
+    pub(super) user: WakerRegistration,
 }
 
 impl State {
     const fn new(port: usize) -> Self {
         Self {
             machine: LineMachine::new(),
-            chip: Chip {
+            driver: Driver {
                 port: port as u8,
                 adu: &ADUS[port],
                 registers: Registers::of(port),
@@ -113,28 +96,23 @@ impl State {
                 awaited: Awaited::Nothing,
                 alarm_at: 0,
                 bound_left: 0,
+                lent_ms: 0,
                 receiver: WakerRegistration::new(),
                 user: WakerRegistration::new(),
             },
-            lent_ms: 0,
         }
-    }
-
-    /// [`Line::give_back`](multidrop::Line::give_back).
-    pub fn give_back(&mut self) {
-        self.machine.give_back(&mut self.chip);
-        self.lent_ms = 0;
     }
 
     /// So many ms are over: whether a frame that is lent may be kept still. It may for as long as the longest frame takes and is
     /// delayed or held, and the watchdog's time, and the ms in which it was lent.
     pub fn may_keep_frame(&mut self, ms: u32, time_ms: u32) -> bool {
+        let driver = &mut self.driver;
         if !self.machine.is_lent() {
-            self.lent_ms = 0;
+            driver.lent_ms = 0;
             return true;
         }
-        self.lent_ms = self.lent_ms.saturating_add(ms);
-        let settings = &self.chip.settings;
+        driver.lent_ms = driver.lent_ms.saturating_add(ms);
+        let settings = &driver.settings;
         let characters = settings.framing.characters(LONGEST);
         let mut held_ms = u32::from(settings.response_delay_ms);
         if settings.rts_cts {
@@ -142,20 +120,7 @@ impl State {
         }
         let longest_ms =
             settings.intervals.character / (crate::TICK_HZ / 1000) * u32::from(characters);
-        self.lent_ms <= longest_ms + u32::from(characters) + held_ms + time_ms + ms
-    }
-
-    /// Puts settings into the USART and starts the machine anew.
-    pub fn apply(&mut self, settings: Settings) {
-        self.chip.settings = settings;
-        self.chip.registers.set_up(&settings);
-        self.chip.ascii.set_data_bits(settings.data_bits());
-        self.machine.reset(&mut self.chip);
-    }
-
-    /// [`Line::set_delimiter`](multidrop::Line::set_delimiter).
-    pub fn set_delimiter(&mut self, delimiter: u8) {
-        self.chip.ascii.set_delimiter(delimiter);
+        driver.lent_ms <= longest_ms + u32::from(characters) + held_ms + time_ms + ms
     }
 
     // ANCHOR: usart
@@ -163,18 +128,18 @@ impl State {
     /// with here.
     #[inline(always)]
     pub fn on_usart(&mut self) {
-        let chip = &mut self.chip;
-        let status = chip.registers.status();
-        if chip.settings.framing == Framing::Rtu {
-            match chip.awaited {
-                Awaited::Ready if status & TXE != 0 => return self.machine.on_ready(chip),
+        let driver = &mut self.driver;
+        let status = driver.registers.status();
+        if driver.settings.framing == Framing::Rtu {
+            match driver.awaited {
+                Awaited::Ready if status & TXE != 0 => return self.machine.on_ready(driver),
                 Awaited::Nothing
                     if status & (RXNE | ERRORS) == RXNE && self.machine.is_collecting() =>
                 {
-                    chip.begin_silence();
-                    let byte = chip.registers.take();
-                    if !chip.push(byte) {
-                        self.machine.on_too_long(chip);
+                    driver.begin_silence();
+                    let byte = driver.registers.take();
+                    if !driver.push(byte) {
+                        self.machine.on_too_long(driver);
                     }
                     return;
                 }
@@ -188,44 +153,55 @@ impl State {
     /// Every other interrupt.
     #[inline(never)]
     fn on_event(&mut self, status: u32) {
-        let chip = &mut self.chip;
-        match chip.awaited {
+        let driver = &mut self.driver;
+        match driver.awaited {
             Awaited::Nothing if status & (RXNE | ORE) != 0 => self.on_character(status),
-            Awaited::Ready if status & TXE != 0 => self.machine.on_ready(chip),
-            Awaited::Sent if status & TC != 0 => self.machine.on_sent(chip),
+            Awaited::Ready if status & TXE != 0 => self.machine.on_ready(driver),
+            Awaited::Sent if status & TC != 0 => self.machine.on_sent(driver),
             _ => {}
         }
     }
 
     #[inline(always)]
     fn on_character(&mut self, status: u32) {
-        let chip = &mut self.chip;
+        let driver = &mut self.driver;
         let mut errors = registers::errors(status);
-        chip.begin_silence();
-        if chip.settings.framing == Framing::Ascii {
-            let word = chip.registers.take();
-            if word & chip.settings.mark != chip.settings.mark {
+        driver.begin_silence();
+        if driver.settings.framing == Framing::Ascii {
+            let word = driver.registers.take();
+            if word & driver.settings.mark != driver.settings.mark {
                 // The first of two stop bits was none.
                 errors |= ReceiveErrors::FRAMING;
             }
-            let character = word & chip.settings.data;
-            return self.machine.on_ascii_character(chip, character, errors);
+            let character = word & driver.settings.data;
+            return self.machine.on_ascii_character(driver, character, errors);
         }
         // A byte that no longer fits is the reception's to note. A character that was not taken interrupts again (RM0090
         // 30.3.3).
-        if let Some(byte) = self.machine.on_character(chip, errors, false) {
-            chip.push(byte);
+        if let Some(byte) = self.machine.on_character(driver, errors, false) {
+            driver.push(byte);
         }
     }
 
     /// The port's alarm.
     #[inline(always)]
     pub fn on_alarm(&mut self) {
-        self.machine.on_alarm(&mut self.chip);
+        self.machine.on_alarm(&mut self.driver);
     }
 }
 
-impl Chip {
+impl Driver {
+    /// Puts settings into the USART.
+    pub(super) fn set_up(&mut self, settings: &Settings) {
+        self.settings = *settings;
+        self.registers.set_up(settings);
+        self.ascii.set_data_bits(settings.data_bits());
+    }
+
+    pub(super) fn set_delimiter(&mut self, delimiter: u8) {
+        self.ascii.set_delimiter(delimiter);
+    }
+
     /// A character came: the silence behind it begins.
     #[inline(always)]
     fn begin_silence(&mut self) {
@@ -237,7 +213,7 @@ impl Chip {
     #[inline(always)]
     fn push(&mut self, byte: u8) -> bool {
         // SAFETY: the machine collects a frame, and has a byte stored, only while the buffer is the line's.
-        let adu = unsafe { &mut *self.adu.get() };
+        let adu = unsafe { self.adu.pointer().as_mut() };
         self.reception.push(adu, byte)
     }
 
@@ -279,7 +255,7 @@ impl Chip {
 /// The farthest that an alarm is set: what is more counts as passed.
 const FARTHEST: u32 = 1 << 30;
 
-impl Wire for Chip {
+impl Wire for Driver {
     const IS_BOUNDED: bool = !cfg!(feature = "bare");
     const HAS_DELAYS: bool = true;
 
@@ -301,7 +277,7 @@ impl Wire for Chip {
     #[inline(always)]
     fn store(&mut self, at: u8, byte: u8) {
         // SAFETY: the machine says that the buffer is not lent.
-        let adu = unsafe { &mut *self.adu.get() };
+        let adu = unsafe { self.adu.pointer().as_mut() };
         adu[usize::from(at)] = byte;
     }
 
@@ -360,7 +336,7 @@ impl Wire for Chip {
     #[inline(always)]
     fn adu(&self) -> &Adu {
         // SAFETY: read while an answer is sent; those bytes are not changed then.
-        unsafe { &*self.adu.get() }
+        unsafe { self.adu.pointer().as_ref() }
     }
 
     #[inline(always)]
@@ -455,6 +431,11 @@ impl Wire for Chip {
         self.awaited = Awaited::Nothing;
         self.registers.reset();
         self.registers.set_up(&self.settings);
+    }
+
+    #[inline(always)]
+    fn frame_is_back(&mut self) {
+        self.lent_ms = 0;
     }
 
     #[inline(always)]

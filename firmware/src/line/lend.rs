@@ -4,12 +4,14 @@
 //! line has lent its buffer, and what only they may ask of a line takes a [`Key`], which only this crate has.
 #![allow(unsafe_code)]
 
+use core::cell::UnsafeCell;
 use core::future::{Future, poll_fn};
 use core::marker::PhantomData;
 use core::ptr::NonNull;
 use core::task::{Context, Poll};
 
 use multidrop_protocol::frame::ReceiveErrors;
+use multidrop_protocol::line::{Chip, LineMachine, Waiting};
 use multidrop_protocol::server::Access;
 
 use super::{Adu, Line};
@@ -23,7 +25,7 @@ impl Key {
     pub(crate) const THIS_CRATE: Key = Key(());
 }
 
-/// What a line does for the frames that it lends: for chips to write, and for frames to call, which have the [`Key`].
+/// What a line does for the frames that it lends: [`ChipLine`] does it for every chip. Frames call it, which have the [`Key`].
 ///
 /// # Safety
 /// A line has one buffer. It is lent when [`poll_received`](Lend::poll_received) gives a length or
@@ -239,5 +241,123 @@ impl<'l, L: Line> Released<'l, L> {
     /// Safe. Dropping this cuts the answer off after the character in flight.
     pub fn sent(&mut self) -> impl Future<Output = bool> {
         poll_fn(|context| self.lent.line.poll_sent(context, Key(())))
+    }
+}
+
+/// The line of a chip: everything that its tasks do, for every [`Chip`] there is.
+///
+/// One task at a time waits for each of its futures; it is not to be used from an interrupt.
+pub struct ChipLine<C> {
+    pub(super) chip: C,
+    /// Not to be used from an interrupt.
+    _tasks: PhantomData<*const ()>,
+}
+
+impl<C: Chip> ChipLine<C> {
+    /// Sets the line up and begins to listen; without settings it stays off until it is [configured](Line::configure).
+    ///
+    /// # Safety
+    /// A chip keeps what [`Chip`] says of [`with`](Chip::with), [`with_waker`](Chip::with_waker) and [`buffer`](Chip::buffer); it
+    /// writes to the buffer where the machine has it store a character, and nowhere else. There is one line of it.
+    #[inline(always)]
+    pub unsafe fn new(chip: C, settings: Option<&C::Settings>) -> Self {
+        if let Some(settings) = settings {
+            chip.with(|machine, wire| {
+                chip.set_up(wire, settings);
+                machine.reset(wire);
+            });
+        }
+        Self {
+            chip,
+            _tasks: PhantomData,
+        }
+    }
+
+    pub(super) fn poll_quiet(&self, context: &Context<'_>) -> Poll<ReceiveErrors> {
+        self.poll(context, |machine, wire| machine.quiet(wire))
+    }
+
+    /// What the machine has to tell the task that works with a frame, or waits to send.
+    #[inline(always)]
+    fn poll<R>(
+        &self,
+        context: &Context<'_>,
+        look: impl FnOnce(&mut LineMachine, &mut C::Wire) -> Option<R>,
+    ) -> Poll<R> {
+        match self
+            .chip
+            .with_waker(Waiting::WithFrame, context.waker(), look)
+        {
+            Some(told) => Poll::Ready(told),
+            None => Poll::Pending,
+        }
+    }
+}
+
+// Not inlined: one copy of each serves every await of the tasks.
+//
+// SAFETY: the machine, which is always the same one, lends the one buffer once until `give_back`. It has nothing stored meanwhile,
+// and only the transmitter reads, after `release`. That the chip keeps to it was demanded when the line was made.
+unsafe impl<C: Chip> Lend for ChipLine<C> {
+    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, ReceiveErrors>> {
+        let waker = context.waker();
+        match self
+            .chip
+            .with_waker(Waiting::ForFrame, waker, |machine, _| machine.fetch())
+        {
+            Some(heard) => Poll::Ready(heard),
+            None => Poll::Pending,
+        }
+    }
+
+    #[inline(always)]
+    fn poll_lent(&self, context: &mut Context<'_>, _: Key) -> Poll<()> {
+        self.poll(context, |machine, _| machine.take_buffer().then_some(()))
+    }
+
+    #[inline(always)]
+    fn buffer(&self, _: Key) -> NonNull<Adu> {
+        self.chip.buffer()
+    }
+
+    fn release(&self, len: u8, _: Key) {
+        self.chip.with(|machine, wire| machine.release(wire, len));
+    }
+
+    fn poll_settled(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
+        self.poll(context, |machine, _| machine.verdict())
+    }
+
+    fn poll_sent(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
+        self.poll(context, |machine, _| machine.sent())
+    }
+
+    fn give_back(&self, _: Key) {
+        self.chip.with(|machine, wire| machine.give_back(wire));
+    }
+}
+
+/// A buffer for [`Chip::buffer`], as a static: all zero, so that it takes no flash.
+pub struct LineBuffer(UnsafeCell<Adu>);
+
+// SAFETY: it gives a pointer and no reference: who may use it is the business of those that do.
+unsafe impl Sync for LineBuffer {}
+
+impl LineBuffer {
+    /// Zeros.
+    pub const fn new() -> Self {
+        Self(UnsafeCell::new([0; size_of::<Adu>()]))
+    }
+
+    /// Where it is.
+    pub const fn pointer(&self) -> NonNull<Adu> {
+        // SAFETY: a static is somewhere.
+        unsafe { NonNull::new_unchecked(self.0.get()) }
+    }
+}
+
+impl Default for LineBuffer {
+    fn default() -> Self {
+        Self::new()
     }
 }

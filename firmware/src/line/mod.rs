@@ -1,6 +1,7 @@
 //! The line: what a board gives and what a port gets.
 //!
-//! [`Line`] is the one trait between chip and firmware. It owns the silent interval, because only the
+//! [`Line`] is what ports see of it, and [`ChipLine`] is the line of every chip: a board gives it the chip, as a
+//! [`Chip`](multidrop_protocol::line::Chip). The line owns the silent interval, because only the
 //! interrupt sees when a character came, and the buffer, because only the interrupt fills it.
 //!
 //! A frame passes three moments. When no character has begun within t1.5 of the last one the frame is
@@ -12,11 +13,12 @@
 //! An ASCII frame ends with a character instead of a silence: it stands as soon as it is complete.
 //! Answers start at t3.5 all the same, so that whoever asked has time to take its driver off the bus.
 
+mod chip_line;
 mod lend;
 
 use core::future::{Future, poll_fn};
 
-pub use lend::{Frame, Key, Lend, Released};
+pub use lend::{ChipLine, Frame, Key, Lend, LineBuffer, Released};
 pub use multidrop_protocol::Adu;
 use multidrop_protocol::frame::{LEN_MAX, LEN_MIN, ReceiveErrors};
 pub use multidrop_protocol::line::{LineConfig, LineError, Role};

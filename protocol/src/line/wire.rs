@@ -110,6 +110,9 @@ pub trait Wire {
     fn cut(&mut self) {
         self.listen();
     }
+    /// The frame that was lent is given back: for a driver that bounds how long one is kept.
+    #[inline(always)]
+    fn frame_is_back(&mut self) {}
     /// Wakes the task that waits for a frame.
     fn wake_receiver(&mut self);
     /// Wakes the task that has the frame, or waits to transmit.

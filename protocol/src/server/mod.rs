@@ -56,6 +56,7 @@ mod read_bits;
 mod read_fifo;
 mod read_registers;
 mod read_write_registers;
+mod reset;
 mod status;
 mod write_bits;
 mod write_registers;
@@ -65,6 +66,7 @@ pub use device_id::Conformity;
 pub use diagnostics::{Diagnostics, Uncounted};
 pub use functions::{ApplicationFunction, Function, FunctionSet};
 pub use model::DataModel;
+pub use reset::ResetCause;
 
 use core::cell::Cell;
 

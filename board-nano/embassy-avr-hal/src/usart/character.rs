@@ -8,9 +8,9 @@
 use core::arch::asm;
 use core::cell::UnsafeCell;
 
-use multidrop::protocol::crc;
-use multidrop::protocol::frame::Received;
-use multidrop::protocol::rtu::Reception;
+use multidrop_protocol::crc;
+use multidrop_protocol::frame::Received;
+use multidrop_protocol::rtu::Reception;
 
 use super::settings::Framings;
 use super::state::{ADU, SHARED};

@@ -1,4 +1,4 @@
-//! USART0 as a [`Line`]: frames out of silence, answers at t3.5, DE.
+//! USART0 as the [`Chip`] of a line: frames out of silence, answers at t3.5, DE. `multidrop::line::ChipLine` makes a line of it.
 //!
 //! The receive interrupt stores byte and CRC and sets Timer1's compare B to the end of the silence
 //! that would complete the frame; no task is woken per byte. Compare B completes the frame at t1.5,
@@ -27,18 +27,18 @@
 //! runs them. They are bound by `USART0` in [`bind_interrupts!`](crate::bind_interrupts).
 
 mod character;
+mod parts;
 mod registers;
 mod settings;
 mod state;
 
-use core::future::{Future, poll_fn};
 use core::marker::PhantomData;
 use core::ptr::NonNull;
-use core::task::{Context, Poll};
+use core::task::Waker;
 
-use multidrop::line::{Adu, Key, Lend, Line, LineConfig, LineError};
-use multidrop::protocol::frame::ReceiveErrors;
-use multidrop::protocol::port_registers::Duplex;
+use multidrop_protocol::Adu;
+use multidrop_protocol::line::{Chip, LineConfig, LineError, LineMachine, Waiting};
+use multidrop_protocol::port_registers::Duplex;
 
 use crate::executor;
 use crate::gpio::{DriverEnable, PD0, PD1, hold_rxd_high};
@@ -46,7 +46,7 @@ use crate::pac::{TC1, USART0};
 use crate::timer1;
 pub(crate) use character::set_attention;
 pub use settings::{Delayed, Delaying, Delays, Framings, RtuAndAscii, RtuOnly, Settings, Slow};
-use state::{SHARED, State};
+use state::{Driven, SHARED, State};
 
 /// With interrupts off.
 #[inline(always)]
@@ -74,25 +74,15 @@ pub struct Usart0<DE, const CLOCK_HZ: u32, F = RtuOnly> {
 }
 
 impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F> {
-    /// Sets the line up: DE low, then receiver and transmitter on. The bus is not driven. It listens
-    /// once interrupts are enabled and the bus was silent for t3.5.
+    /// DE low. The bus is not driven. Receiver and transmitter stay off until the line is set up.
     ///
     /// The peripherals are taken so that nobody else has them, the token so that the interrupts are bound to this type.
-    pub fn new(
-        _: USART0,
-        _: &TC1,
-        _: PD0,
-        _: PD1,
-        _: DE,
-        _: impl Bound<Self>,
-        settings: Settings<F>,
-    ) -> Self {
+    pub fn new(_: USART0, _: &TC1, _: PD0, _: PD1, _: DE, _: impl Bound<Self>) -> Self {
         timer1::start();
         DE::init();
         // The output of the transceiver's receiver floats while DE is up. The pull-up stays the port's with RXEN on (DS 14.3.3,
         // RXD).
         hold_rxd_high();
-        with(|state| state.apply::<DE, F>(&settings));
         Self {
             _types: PhantomData,
         }
@@ -128,8 +118,8 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
     #[inline(always)]
     pub unsafe fn on_ready() {
         // SAFETY: in an interrupt, see `Shared`.
-        let (machine, mut wire) = unsafe { &mut *SHARED.get() }.parts::<DE, F>();
-        machine.on_ready(&mut wire);
+        let (machine, wire) = unsafe { &mut *SHARED.get() }.parts::<DE, F>();
+        machine.on_ready(wire);
     }
 
     /// For [`bind_interrupts!`](crate::bind_interrupts).
@@ -140,8 +130,8 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
     #[inline(always)]
     pub unsafe fn on_sent() {
         // SAFETY: in an interrupt, see `Shared`.
-        let (machine, mut wire) = unsafe { &mut *SHARED.get() }.parts::<DE, F>();
-        machine.on_sent(&mut wire);
+        let (machine, wire) = unsafe { &mut *SHARED.get() }.parts::<DE, F>();
+        machine.on_sent(wire);
     }
 
     /// For [`bind_interrupts!`](crate::bind_interrupts).
@@ -173,137 +163,54 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
     }
 }
 
-// Not inlined: one copy of each serves every await of the tasks. The waker is registered first: what comes
-// between that and the look at the machine wakes.
-#[inline(never)]
-fn poll_settle(context: &Context) -> Poll<bool> {
-    executor::USER.register(context.waker());
-    match with(|state| state.machine.verdict()) {
-        Some(stands) => Poll::Ready(stands),
-        None => Poll::Pending,
-    }
-}
+impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Chip for Usart0<DE, CLOCK_HZ, F> {
+    type Wire = Driven<DE, F>;
+    type Settings = Settings<F>;
 
-#[inline(never)]
-fn poll_sent(context: &Context) -> Poll<bool> {
-    executor::USER.register(context.waker());
-    match with(|state| state.machine.sent()) {
-        Some(whole) => Poll::Ready(whole),
-        None => Poll::Pending,
-    }
-}
-
-#[inline(never)]
-fn poll_quiet<DE: DriverEnable, F: Framings>(context: &Context) -> Poll<ReceiveErrors> {
-    executor::USER.register(context.waker());
-    let quiet = with(|state| {
-        let (machine, mut wire) = state.parts::<DE, F>();
-        machine.quiet(&mut wire)
-    });
-    match quiet {
-        Some(errors) => Poll::Ready(errors),
-        None => Poll::Pending,
-    }
-}
-
-#[inline(never)]
-fn poll_heard(context: &Context) -> Poll<Result<u8, ReceiveErrors>> {
-    executor::RECEIVER.register(context.waker());
-    match with(|state| state.machine.fetch()) {
-        Some(heard) => Poll::Ready(heard),
-        None => Poll::Pending,
-    }
-}
-
-#[inline(never)]
-fn give_back<DE: DriverEnable, F: Framings>() {
-    with(|state| {
-        let (machine, mut wire) = state.parts::<DE, F>();
-        machine.give_back(&mut wire);
-        #[cfg(not(feature = "bare"))]
-        crate::watchdog::frame_is_back();
-    });
-}
-
-#[inline(never)]
-fn release<DE: DriverEnable, F: Framings>(len: u8) {
-    with(|state| {
-        let (machine, mut wire) = state.parts::<DE, F>();
-        machine.release(&mut wire, len);
-    });
-}
-
-// SAFETY: the machine lends the one buffer once until `give_back`, and keeps interrupts from it meanwhile; only `on_ready`
-// reads it, after `release`.
-unsafe impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Lend for Usart0<DE, CLOCK_HZ, F> {
-    fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, ReceiveErrors>> {
-        poll_heard(context)
+    #[inline(always)]
+    fn with<R>(&self, f: impl FnOnce(&mut LineMachine, &mut Driven<DE, F>) -> R) -> R {
+        with(|state| {
+            let (machine, wire) = state.parts();
+            f(machine, wire)
+        })
     }
 
-    fn poll_lent(&self, context: &mut Context<'_>, _: Key) -> Poll<()> {
-        executor::USER.register(context.waker());
-        match with(|state| state.machine.take_buffer()) {
-            true => Poll::Ready(()),
-            false => Poll::Pending,
+    #[inline(always)]
+    fn with_waker<R>(
+        &self,
+        waiting: Waiting,
+        waker: &Waker,
+        f: impl FnOnce(&mut LineMachine, &mut Driven<DE, F>) -> R,
+    ) -> R {
+        match waiting {
+            Waiting::ForFrame => executor::RECEIVER.register(waker),
+            Waiting::WithFrame => executor::USER.register(waker),
         }
+        self.with(f)
     }
 
-    fn buffer(&self, _: Key) -> NonNull<Adu> {
+    #[inline(always)]
+    fn buffer(&self) -> NonNull<Adu> {
         state::ADU.buffer()
     }
 
-    fn release(&self, len: u8, _: Key) {
-        release::<DE, F>(len);
+    #[inline(always)]
+    fn settings(&self, config: &LineConfig) -> Result<Settings<F>, LineError> {
+        Settings::new(config, CLOCK_HZ)
     }
 
-    fn poll_settled(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
-        poll_settle(context)
-    }
-
-    fn poll_sent(&self, context: &mut Context<'_>, _: Key) -> Poll<bool> {
-        poll_sent(context)
-    }
-
-    fn give_back(&self, _: Key) {
-        give_back::<DE, F>();
-    }
-}
-
-impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Line for Usart0<DE, CLOCK_HZ, F> {
-    fn may_be(&self, duplex: Duplex) -> bool {
-        !DE::IS_ONE_PAIR || duplex == Duplex::Half
-    }
-
-    fn quiet(&self) -> impl Future<Output = ReceiveErrors> {
-        poll_fn(|context| poll_quiet::<DE, F>(context))
-    }
-
-    fn check(&self, config: &LineConfig) -> Result<(), LineError> {
-        Settings::<F>::new(config, CLOCK_HZ).map(drop)
-    }
-
-    async fn configure(&self, config: LineConfig) -> Result<(), LineError> {
-        let settings = Settings::<F>::new(&config, CLOCK_HZ)?;
-        poll_fn(|context| {
-            executor::USER.register(context.waker());
-            with(|state| {
-                if state.machine.is_sending() {
-                    return Poll::Pending;
-                }
-                state.apply::<DE, F>(&settings);
-                Poll::Ready(Ok(()))
-            })
-        })
-        .await
+    #[inline(always)]
+    fn set_up(&self, wire: &mut Driven<DE, F>, settings: &Settings<F>) {
+        wire.set_up(settings);
     }
 
     fn set_delimiter(&self, delimiter: u8) {
         if F::ASCII {
-            critical_section::with(|_| state::set_delimiter(delimiter));
+            critical_section::with(|_| parts::set_delimiter(delimiter));
         }
     }
 
-    fn was_cut(&self) -> bool {
-        with(|state| state.machine.was_cut())
+    fn may_be(&self, duplex: Duplex) -> bool {
+        !DE::IS_ONE_PAIR || duplex == Duplex::Half
     }
 }

@@ -1,6 +1,6 @@
 //! The registers of USART0 (DS 20.11) and the pin-change flag that stands in for a start-bit detector.
 
-use multidrop::protocol::frame::ReceiveErrors;
+use multidrop_protocol::frame::ReceiveErrors;
 
 use super::settings::{Framings, Kept, Settings};
 use crate::edge;

@@ -2,10 +2,10 @@
 
 use core::marker::PhantomData;
 
-use multidrop::line::{LineConfig, LineError, Role};
-use multidrop::protocol::format::{Framing, LineFormat, Parity};
-use multidrop::protocol::port_registers::Flow;
-use multidrop::protocol::timing::{Intervals, Sight, first_part, further_parts, whole};
+use multidrop_protocol::format::{Framing, LineFormat, Parity};
+use multidrop_protocol::line::{LineConfig, LineError, Role};
+use multidrop_protocol::port_registers::Flow;
+use multidrop_protocol::timing::{Intervals, Sight, first_part, further_parts, whole};
 
 use crate::baud::{divisor, slowest};
 use crate::timer1::PRESCALER;
@@ -27,7 +27,7 @@ pub trait Framings: 'static {
     /// Whether ASCII is among them; RTU always is.
     const ASCII: bool;
     /// Whether silences may be longer than Timer1's 65535 ticks, 32.7 ms at 16 MHz: t3.5 below some 1400 baud, gaps of
-    /// [`InterCharacter::Gap`](multidrop::line::InterCharacter::Gap) above 30 ms.
+    /// [`InterCharacter::Gap`](multidrop_protocol::port_registers::InterCharacter::Gap) above 30 ms.
     const SLOW: bool = false;
     /// What there is for DE_LEAD and RESPONSE_DELAY: [`Delays`], or `()` for nothing.
     type Delays: Delaying;

@@ -1,5 +1,5 @@
 //! What the interrupts and the futures of the line share: the state machine of
-//! [`protocol::line`](multidrop::protocol::line), and this chip as its [`Wire`].
+//! [`protocol::line`](multidrop_protocol::line), and this chip as its [`Wire`].
 //!
 //! Four interrupts and the futures, with interrupts off, are the only users.
 
@@ -7,14 +7,15 @@ use core::cell::UnsafeCell;
 use core::marker::PhantomData;
 use core::ptr::NonNull;
 
-use multidrop::line::Adu;
-use multidrop::protocol::frame::Received;
-use multidrop::protocol::line::{Ascii, Interval, LineMachine, Wire};
-use multidrop::protocol::timing::PART;
+use multidrop_protocol::Adu;
+use multidrop_protocol::frame::Received;
+use multidrop_protocol::line::{Ascii, Interval, LineMachine, Wire};
+use multidrop_protocol::timing::PART;
 
 use super::character::{Hot, set_attention};
+use super::parts::{AsciiState, DelayState};
 use super::registers::{self, Usart};
-use super::settings::{Delaying, Delays, Framings, Kept, Long, Settings};
+use super::settings::{Delaying, Framings, Kept, Long, Settings};
 use crate::edge;
 use crate::executor;
 use crate::gpio::DriverEnable;
@@ -57,98 +58,6 @@ pub(super) struct State {
     kept: Kept,
 }
 
-/// What is for ASCII, apart from [`State`] so that it takes no RAM where nobody refers to it.
-struct AsciiState {
-    is_on: bool,
-    ascii: Ascii,
-}
-
-struct AsciiCell(UnsafeCell<AsciiState>);
-
-// SAFETY: as for `SHARED`.
-unsafe impl Sync for AsciiCell {}
-
-static ASCII: AsciiCell = AsciiCell(UnsafeCell::new(AsciiState {
-    is_on: false,
-    ascii: Ascii::new(),
-}));
-
-impl AsciiState {
-    /// The one there is.
-    ///
-    /// # Safety
-    /// In an interrupt of the line, or with interrupts off; one reference at a time.
-    #[inline(always)]
-    unsafe fn get() -> &'static mut AsciiState {
-        // SAFETY: as demanded above.
-        unsafe { &mut *ASCII.0.get() }
-    }
-}
-
-/// What is for slow lines, apart from [`State`] for the same reason.
-struct LongCell(UnsafeCell<Long>);
-
-// SAFETY: as for `SHARED`.
-unsafe impl Sync for LongCell {}
-
-static LONG: LongCell = LongCell(UnsafeCell::new(Long {
-    to_complete: 0,
-    to_stand: 0,
-    to_stand_less_character: 0,
-    less_character: 0,
-    t3_5: 0,
-}));
-
-impl Long {
-    /// The one there is.
-    ///
-    /// # Safety
-    /// In an interrupt of the line, or with interrupts off; one reference at a time.
-    #[inline(always)]
-    unsafe fn get() -> &'static mut Long {
-        // SAFETY: as demanded above.
-        unsafe { &mut *LONG.0.get() }
-    }
-}
-
-/// [`Line::set_delimiter`](multidrop::Line::set_delimiter); with interrupts off.
-pub(super) fn set_delimiter(delimiter: u8) {
-    // SAFETY: interrupts are off.
-    unsafe { AsciiState::get() }.ascii.set_delimiter(delimiter);
-}
-
-/// What an answer waits for, apart from [`State`] so that it takes no RAM where no answer does.
-struct DelayState {
-    set: Delays,
-    /// Ticks of the delay behind t3.5 that are left.
-    left: u32,
-}
-
-struct DelayCell(UnsafeCell<DelayState>);
-
-// SAFETY: as for `SHARED`.
-unsafe impl Sync for DelayCell {}
-
-static DELAYS: DelayCell = DelayCell(UnsafeCell::new(DelayState {
-    set: Delays {
-        lead: 0,
-        response: 0,
-    },
-    left: 0,
-}));
-
-impl DelayState {
-    /// The one there is.
-    ///
-    /// # Safety
-    /// In an interrupt of the line, or with interrupts off; one reference at a time.
-    #[inline(always)]
-    unsafe fn get() -> &'static mut DelayState {
-        // SAFETY: as demanded above.
-        unsafe { &mut *DELAYS.0.get() }
-    }
-}
-
 /// Sets OCR1B. The TEMP register of 16-bit accesses (DS 16.3) is safe since interrupts are off.
 #[inline(always)]
 fn set_compare(tick: u16) {
@@ -179,7 +88,8 @@ const OVERDUE: u16 = 32;
 const SOON: u16 = 4;
 
 /// The chip, as it is set up, with its DE pin.
-pub(super) struct Driven<'s, DE, F>(&'s Kept, PhantomData<(DE, F)>);
+#[repr(transparent)]
+pub struct Driven<DE, F>(Kept, PhantomData<(DE, F)>);
 
 impl State {
     pub const fn new() -> Self {
@@ -197,33 +107,10 @@ impl State {
 
     /// The machine, and the chip for it.
     #[inline(always)]
-    pub fn parts<DE, F>(&mut self) -> (&mut LineMachine, Driven<'_, DE, F>) {
-        (&mut self.machine, Driven(&self.kept, PhantomData))
-    }
-
-    /// Puts settings into the USART and starts the machine anew.
-    pub fn apply<DE: DriverEnable, F: Framings>(&mut self, settings: &Settings<F>) {
-        self.kept = settings.kept;
-        registers::set_up(settings);
-        // SAFETY: interrupts are off.
-        unsafe { Hot::get() }.to_complete = settings.to_complete;
-        if F::ASCII {
-            // SAFETY: interrupts are off.
-            let state = unsafe { AsciiState::get() };
-            state.is_on = settings.is_ascii();
-            state.ascii.set_data_bits(settings.data_bits());
-        }
-        if F::SLOW {
-            // SAFETY: interrupts are off.
-            *unsafe { Long::get() } = settings.long();
-        }
-        if F::Delays::ARE_THERE {
-            // SAFETY: interrupts are off.
-            unsafe { DelayState::get() }.set = settings.delays.get();
-        }
-        let (machine, mut wire) = self.parts::<DE, F>();
-        machine.reset(&mut wire);
-        set_attention(true);
+    pub fn parts<DE, F>(&mut self) -> (&mut LineMachine, &mut Driven<DE, F>) {
+        let kept: *mut Kept = &mut self.kept;
+        // SAFETY: it is a `Kept` by another name.
+        (&mut self.machine, unsafe { &mut *kept.cast() })
     }
 
     /// For how long a frame may be kept, in units of 1024 ticks: for the time of 256 characters, in ASCII twice as many, and for
@@ -256,14 +143,14 @@ impl State {
             // SAFETY: in the interrupt.
             set_turns(unsafe { Long::get() }.to_complete);
         }
-        let (machine, mut wire) = self.parts::<DE, F>();
+        let (machine, wire) = self.parts::<DE, F>();
         if wire.ascii().is_some() {
-            machine.on_ascii_character(&mut wire, Usart::take(), errors);
+            machine.on_ascii_character(wire, Usart::take(), errors);
             return None;
         }
         // SAFETY: in the interrupt.
         let full = unsafe { Hot::get() }.is_full();
-        let store = machine.on_character(&mut wire, errors, full);
+        let store = machine.on_character(wire, errors, full);
         // While edges are waited for, every character has to pass by here: see `edge`.
         set_attention(store.is_none() || edge::has_waits());
         store
@@ -280,8 +167,8 @@ impl State {
                 return set_attention(true);
             }
         }
-        let (machine, mut wire) = self.parts::<DE, F>();
-        machine.on_alarm(&mut wire);
+        let (machine, wire) = self.parts::<DE, F>();
+        machine.on_alarm(wire);
         set_attention(true);
     }
 }
@@ -337,7 +224,32 @@ fn set_turns(turns: u8) {
     unsafe { TURNS.write_volatile(turns) }
 }
 
-impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
+impl<DE: DriverEnable, F: Framings> Driven<DE, F> {
+    /// Puts settings into the USART.
+    pub(super) fn set_up(&mut self, settings: &Settings<F>) {
+        self.0 = settings.kept;
+        registers::set_up(settings);
+        // SAFETY: interrupts are off.
+        unsafe { Hot::get() }.to_complete = settings.to_complete;
+        if F::ASCII {
+            // SAFETY: interrupts are off.
+            let state = unsafe { AsciiState::get() };
+            state.is_on = settings.is_ascii();
+            state.ascii.set_data_bits(settings.data_bits());
+        }
+        if F::SLOW {
+            // SAFETY: interrupts are off.
+            *unsafe { Long::get() } = settings.long();
+        }
+        if F::Delays::ARE_THERE {
+            // SAFETY: interrupts are off.
+            unsafe { DelayState::get() }.set = settings.delays.get();
+        }
+        set_attention(true);
+    }
+}
+
+impl<DE: DriverEnable, F: Framings> Wire for Driven<DE, F> {
     const IS_BOUNDED: bool = !cfg!(feature = "bare");
     const HAS_DELAYS: bool = F::Delays::ARE_THERE;
 
@@ -375,7 +287,7 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
 
     #[inline(always)]
     fn alarm(&mut self, interval: Interval) -> bool {
-        let kept = self.0;
+        let kept = &self.0;
         if F::SLOW {
             // SAFETY: in an interrupt of the line, or with interrupts off.
             let long = unsafe { Long::get() };
@@ -441,7 +353,7 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
     #[inline(always)]
     fn talk(&mut self, first: u8) {
         DE::raise();
-        registers::send(self.0);
+        registers::send(&self.0);
         Usart::put(first);
     }
 
@@ -518,7 +430,7 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
         if last {
             // Had this interrupt come late, TXC would stand for the character before. The byte just
             // written keeps it from being set anew for a whole character.
-            registers::clear_sent(self.0);
+            registers::clear_sent(&self.0);
         }
     }
 
@@ -531,6 +443,12 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<'_, DE, F> {
     fn listen(&mut self) {
         DE::lower();
         registers::listen();
+    }
+
+    #[inline(always)]
+    fn frame_is_back(&mut self) {
+        #[cfg(not(feature = "bare"))]
+        crate::watchdog::frame_is_back();
     }
 
     #[inline(always)]

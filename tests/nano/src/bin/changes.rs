@@ -10,7 +10,7 @@ use embassy_avr_hal::usart::{RtuOnly, Settings, Usart0};
 use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_futures::join::join;
 use embedded_hal_async::digital::Wait;
-use multidrop::line::{Line, LineConfig};
+use multidrop::line::{ChipLine, Line, LineConfig};
 use multidrop::protocol::format::LineFormat;
 
 const CLOCK_HZ: u32 = 16_000_000;
@@ -28,9 +28,10 @@ const SETTINGS: [LineConfig; 2] = [
     },
 ];
 
-type Rs485 = Usart0<PD2, CLOCK_HZ, RtuOnly>;
+type Usart = Usart0<PD2, CLOCK_HZ, RtuOnly>;
+type Rs485 = ChipLine<Usart>;
 
-bind_interrupts!(struct Irqs { USART0 => Rs485; INT1; });
+bind_interrupts!(struct Irqs { USART0 => Usart; INT1; });
 
 #[embassy_executor::task]
 async fn repeat(line: Rs485, input: Input<PD3>) {
@@ -64,21 +65,8 @@ fn main() -> ! {
             Err(_) => panic!("38400 baud at 16 MHz"),
         }
     };
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PD2,
-        Irqs,
-        settings,
-    );
+    let usart = Usart::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, Irqs);
+    let line = board_nano::line(usart, &settings);
     let input = Input::new(pins.PD3, true);
     executor::run(Irqs, |spawner| spawner.spawn(repeat(line, input).unwrap()))
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo) -> ! {
-    // Never linked: `panic = "immediate-abort"`.
-    loop {}
 }

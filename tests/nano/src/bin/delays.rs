@@ -7,7 +7,7 @@
 use embassy_avr_hal::gpio::{PD2, Pins};
 use embassy_avr_hal::usart::{Delayed, RtuOnly, Settings, Usart0};
 use embassy_avr_hal::{bind_interrupts, executor, pac};
-use multidrop::line::{Line, LineConfig};
+use multidrop::line::{ChipLine, Line, LineConfig};
 use multidrop::protocol::format::LineFormat;
 
 const CLOCK_HZ: u32 = 16_000_000;
@@ -20,9 +20,10 @@ const START: LineConfig = LineConfig {
     ..LineConfig::DEFAULT
 };
 
-type Rs485 = Usart0<PD2, CLOCK_HZ, Delayed<RtuOnly>>;
+type Usart = Usart0<PD2, CLOCK_HZ, Delayed<RtuOnly>>;
+type Rs485 = ChipLine<Usart>;
 
-bind_interrupts!(struct Irqs { USART0 => Rs485; });
+bind_interrupts!(struct Irqs { USART0 => Usart; });
 
 #[embassy_executor::task]
 async fn repeat(line: Rs485) {
@@ -63,20 +64,7 @@ fn main() -> ! {
             Err(_) => panic!("38400 baud at 16 MHz"),
         }
     };
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PD2,
-        Irqs,
-        settings,
-    );
+    let usart = Usart::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, Irqs);
+    let line = board_nano::line(usart, &settings);
     executor::run(Irqs, |spawner| spawner.spawn(repeat(line).unwrap()))
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo) -> ! {
-    // Never linked: `panic = "immediate-abort"`.
-    loop {}
 }

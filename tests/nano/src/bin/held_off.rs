@@ -10,6 +10,7 @@ use embassy_avr_hal::usart::{Settings, Usart0};
 use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embedded_hal::digital::InputPin;
 use embedded_hal_async::digital::Wait;
+use multidrop::line::ChipLine;
 use multidrop::protocol::format::LineFormat;
 use multidrop::protocol::server::Counted;
 use multidrop::{PortConfig, Shared};
@@ -31,11 +32,12 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .baud(BAUD)
     .format(LineFormat::F8N1);
 
-type Rs485 = Usart0<PD2, CLOCK_HZ>;
+type Usart = Usart0<PD2, CLOCK_HZ>;
+type Rs485 = ChipLine<Usart>;
 type Port = multidrop::ServerPort<Rs485, Counted<EVENTS>>;
 type Model = Shared<Conformance<0>>;
 
-bind_interrupts!(struct Irqs { USART0 => Rs485; INT1; });
+bind_interrupts!(struct Irqs { USART0 => Usart; INT1; });
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
@@ -66,15 +68,8 @@ fn main() -> ! {
             Err(_) => panic!("the rate"),
         }
     };
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PD2,
-        Irqs,
-        settings,
-    );
+    let usart = Usart::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, Irqs);
+    let line = board_nano::line(usart, &settings);
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::counted(line, &PORT));
     static MODEL: ConstStaticCell<Model> =
@@ -86,10 +81,4 @@ fn main() -> ! {
         spawner.spawn(serve(port, model).unwrap());
         spawner.spawn(hold_off(input).unwrap());
     })
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo) -> ! {
-    // Never linked: `panic = "immediate-abort"`.
-    loop {}
 }

@@ -8,7 +8,7 @@
 use embassy_avr_hal::gpio::{PD2, Pins};
 use embassy_avr_hal::usart::{RtuOnly, Settings, Slow, Usart0};
 use embassy_avr_hal::{bind_interrupts, executor, pac};
-use multidrop::line::{InterCharacter, Line, LineConfig, Role};
+use multidrop::line::{ChipLine, InterCharacter, Line, LineConfig, Role};
 use multidrop::protocol::format::{Framing, LineFormat};
 use multidrop::protocol::port_registers::Flow;
 
@@ -26,9 +26,10 @@ const START: LineConfig = LineConfig {
     ..LineConfig::DEFAULT
 };
 
-type Rs485 = Usart0<PD2, CLOCK_HZ, Slow<RtuOnly>>;
+type Usart = Usart0<PD2, CLOCK_HZ, Slow<RtuOnly>>;
+type Rs485 = ChipLine<Usart>;
 
-bind_interrupts!(struct Irqs { USART0 => Rs485; });
+bind_interrupts!(struct Irqs { USART0 => Usart; });
 
 #[embassy_executor::task]
 async fn repeat(line: Rs485) {
@@ -73,20 +74,7 @@ fn main() -> ! {
             Err(_) => panic!("38400 baud at 16 MHz"),
         }
     };
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PD2,
-        Irqs,
-        settings,
-    );
+    let usart = Usart::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, Irqs);
+    let line = board_nano::line(usart, &settings);
     executor::run(Irqs, |spawner| spawner.spawn(repeat(line).unwrap()))
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo) -> ! {
-    // Never linked: `panic = "immediate-abort"`.
-    loop {}
 }

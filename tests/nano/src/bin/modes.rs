@@ -16,6 +16,7 @@ use embassy_avr_hal::usart::{RtuAndAscii, Settings, Usart0};
 use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_time::Timer;
 use embedded_hal::digital::{InputPin, OutputPin, StatefulOutputPin};
+use multidrop::line::ChipLine;
 use multidrop::protocol::data::RegistersOut;
 use multidrop::protocol::exception::Exception;
 use multidrop::protocol::format::{Framing, LineFormat};
@@ -38,11 +39,12 @@ const RS4: PortConfig = PortConfig::new("RS4")
 const PEER: u8 = 2;
 const COUNT: usize = 4;
 
-type Rs485 = Usart0<PD2, CLOCK_HZ, RtuAndAscii>;
+type Usart = Usart0<PD2, CLOCK_HZ, RtuAndAscii>;
+type Rs485 = ChipLine<Usart>;
 type Port = ManagedPort<Rs485, PortRegisters<Bank<COUNT>, NoCoils, NoRules>>;
 // ANCHOR_END: port
 
-bind_interrupts!(struct Irqs { USART0 => Rs485; TIME => CLOCK_HZ; });
+bind_interrupts!(struct Irqs { USART0 => Usart; TIME => CLOCK_HZ; });
 
 // ANCHOR: tasks
 #[embassy_executor::task]
@@ -152,15 +154,8 @@ fn main() -> ! {
             Err(_) => panic!("38400 baud at 16 MHz"),
         }
     };
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PD2,
-        Irqs,
-        settings,
-    );
+    let usart = Usart::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, Irqs);
+    let line = board_nano::line(usart, &settings);
 
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line, &RS4, RS4.bank(), NoCoils));
@@ -184,10 +179,4 @@ fn main() -> ! {
         spawner.spawn(ask(port, well, badly).unwrap());
         spawner.spawn(switch(port, switches, changing).unwrap());
     })
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo) -> ! {
-    // Never linked: `panic = "immediate-abort"`.
-    loop {}
 }

@@ -9,6 +9,7 @@ use embassy_avr_hal::usart::{Settings, Usart0};
 use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_time::Timer;
 use embedded_hal::digital::OutputPin;
+use multidrop::line::ChipLine;
 use multidrop::poll::{PollEntry, PollList};
 use multidrop::protocol::format::LineFormat;
 use multidrop::{ClientConfig, ClientPort, PortConfig};
@@ -21,11 +22,12 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .baud(38_400)
     .format(LineFormat::F8N1);
 
-type Rs485 = Usart0<PD2, CLOCK_HZ>;
+type Usart = Usart0<PD2, CLOCK_HZ>;
+type Rs485 = ChipLine<Usart>;
 type Port = ClientPort<Rs485, 1>;
 type List = PollList<3, 33>;
 
-bind_interrupts!(struct Irqs { USART0 => Rs485; TIME => CLOCK_HZ; });
+bind_interrupts!(struct Irqs { USART0 => Usart; TIME => CLOCK_HZ; });
 
 #[embassy_executor::task]
 async fn receive(port: &'static Port) -> ! {
@@ -57,15 +59,8 @@ fn main() -> ! {
             Err(_) => panic!("38400 baud at 16 MHz"),
         }
     };
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PD2,
-        Irqs,
-        settings,
-    );
+    let usart = Usart::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, Irqs);
+    let line = board_nano::line(usart, &settings);
 
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::new(line));
@@ -81,10 +76,4 @@ fn main() -> ! {
         spawner.spawn(read(port, list).unwrap());
         spawner.spawn(show(list, led).unwrap());
     })
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo) -> ! {
-    // Never linked: `panic = "immediate-abort"`.
-    loop {}
 }

@@ -19,6 +19,7 @@ use embassy_avr_hal::usart::{Settings, Usart0};
 use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embedded_hal::digital::StatefulOutputPin;
 use embedded_hal_async::digital::Wait;
+use multidrop::line::ChipLine;
 use multidrop::protocol::format::LineFormat;
 use multidrop::{PortConfig, ServerPort, Shared};
 use multidrop_apps::yardstick::yardstick;
@@ -39,9 +40,10 @@ const PORT: PortConfig = PortConfig::new("RS4")
     .baud(BAUD)
     .format(LineFormat::F8N1);
 
-type Rs485 = Usart0<PC0, CLOCK_HZ>;
+type Usart = Usart0<PC0, CLOCK_HZ>;
+type Rs485 = ChipLine<Usart>;
 
-bind_interrupts!(struct Irqs { USART0 => Rs485; INT0; INT1; PCINT2; });
+bind_interrupts!(struct Irqs { USART0 => Usart; INT0; INT1; PCINT2; });
 
 macro_rules! follow {
     ($($name:ident: $input:ident, $output:ident, $wait:ident;)*) => {
@@ -97,15 +99,8 @@ fn main() -> ! {
             Err(_) => panic!("the rate"),
         }
     };
-    let line = Rs485::new(
-        chip.USART0,
-        &chip.TC1,
-        pins.PD0,
-        pins.PD1,
-        pins.PC0,
-        Irqs,
-        settings,
-    );
+    let usart = Usart::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PC0, Irqs);
+    let line = board_nano::line(usart, &settings);
     static PORT_CELL: StaticCell<ServerPort<Rs485>> = StaticCell::new();
     let port = PORT_CELL.init(ServerPort::new(line, &PORT));
     executor::run(Irqs, |spawner| {
@@ -122,10 +117,4 @@ fn main() -> ! {
         let (input, output) = (Input::new(pins.PD6, true), Output::new(pins.PB4, false));
         spawner.spawn(follow_level(input, output).unwrap());
     })
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo) -> ! {
-    // Never linked: `panic = "immediate-abort"`.
-    loop {}
 }

@@ -1,6 +1,6 @@
-//! The cause of a board's last reset.
+//! The cause of a board's last reset, for the diagnostic register.
 
-use multidrop_protocol::server::Counted;
+use super::Counted;
 
 /// Why the board was reset, as it found at the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

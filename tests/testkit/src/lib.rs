@@ -1,7 +1,8 @@
 //! What the tests of several crates share.
 //!
 //! Always there: the [server](plain) and the [client](reference_client) as the standard has them, a [line without
-//! hardware](harness) around the protocol's state machine, [frames] and a [model] of the image `registers`. What is expected
+//! hardware](harness) around the protocol's state machine, the [suite for a chip's driver](line_chip) with a [made-up
+//! chip](made_up), [frames] and a [model] of the image `registers`. What is expected
 //! is never worked out by the code under test: a fault there must not excuse itself.
 //!
 //! With the feature `bus`, which builds the simulators: images, the rules of the bus, a rig of one node and one host, and
@@ -9,6 +10,8 @@
 
 pub mod frames;
 pub mod harness;
+pub mod line_chip;
+pub mod made_up;
 pub mod model;
 pub mod plain;
 pub mod reference_client;

@@ -3,12 +3,12 @@
 
 use multidrop::protocol::format::{Framing, LineFormat};
 
-/// `MULTIDROP_UNIT`, or `default`.
+/// The unit id: `MULTIDROP_UNIT`, or `default`.
 pub const fn unit(default: u32) -> u32 {
     number(option_env!("MULTIDROP_UNIT"), default)
 }
 
-/// `MULTIDROP_COUNT`, or `default`: 1..=128 items in each table.
+/// The items in each table: `MULTIDROP_COUNT`, 1..=128, or `default`.
 pub const fn count(default: usize) -> usize {
     let count = number(option_env!("MULTIDROP_COUNT"), default as u32);
     assert!(
@@ -18,12 +18,12 @@ pub const fn count(default: usize) -> usize {
     count as usize
 }
 
-/// `MULTIDROP_BAUD`, or `default`.
+/// The baud rate: `MULTIDROP_BAUD`, or `default`.
 pub const fn baud(default: u32) -> u32 {
     number(option_env!("MULTIDROP_BAUD"), default)
 }
 
-/// `MULTIDROP_FORMAT`; without it `default`, and 7E1 for ASCII (SER 2.5.2).
+/// The character format: `MULTIDROP_FORMAT`, or `default`, or 7E1 for ASCII (SER 2.5.2).
 pub const fn format(default: LineFormat) -> LineFormat {
     match option_env!("MULTIDROP_FORMAT") {
         None if ascii() => LineFormat::F7E1,
@@ -35,8 +35,7 @@ pub const fn format(default: LineFormat) -> LineFormat {
     }
 }
 
-/// `MULTIDROP_CLOCK`, or `default`: the CPU clock in Hz, 8 to 20 MHz, for boards such as a Pro Mini with
-/// 8 MHz.
+/// The CPU clock in Hz: `MULTIDROP_CLOCK`, 8 to 20 MHz, or `default`. For boards such as a Pro Mini with 8 MHz.
 pub const fn clock(default: u32) -> u32 {
     let clock = number(option_env!("MULTIDROP_CLOCK"), default);
     assert!(
@@ -46,7 +45,7 @@ pub const fn clock(default: u32) -> u32 {
     clock
 }
 
-/// Whether the watchdog is to run: not where `MULTIDROP_BOOTLOADER` is `old`.
+/// Whether the watchdog is used: not if `MULTIDROP_BOOTLOADER` is `old`.
 pub const fn watchdog() -> bool {
     match option_env!("MULTIDROP_BOOTLOADER") {
         None => true,
@@ -69,7 +68,7 @@ pub const fn ascii() -> bool {
     }
 }
 
-/// The framing that [`ascii`] says.
+/// The framing by [`ascii`].
 pub const fn framing() -> Framing {
     if ascii() {
         Framing::Ascii

@@ -36,7 +36,7 @@ pub struct Told {
     pub polled: &'static PollList<3, 3>,
     /// What RS4 hears.
     pub capture: &'static Capture<384>,
-    /// All ports.
+    /// The manager of all ports.
     pub manager: Manager<PORTS>,
 }
 

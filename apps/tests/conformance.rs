@@ -1,4 +1,4 @@
-//! The functions over the conformance map, by the examples of the standard and the bytes that follow from it.
+//! The functions over the conformance map: examples of the standard, byte for byte.
 
 use multidrop::protocol::Adu;
 use multidrop::protocol::data::{BytesOut, RegistersOut};
@@ -99,7 +99,7 @@ fn read_and_write_write_first_and_all_or_nothing() {
 }
 
 #[test]
-fn status_and_server_id() {
+fn report_server_id_and_exception_status_return_their_bytes() {
     let mut unit = Unit::new();
     assert_eq!(unit.pdu(&[7]), [7, 0]);
     unit.pdu(&[0x0F, 0, 0, 0, 8, 1, 0x6D]);
@@ -110,7 +110,7 @@ fn status_and_server_id() {
 }
 
 #[test]
-fn the_queue_is_read_and_stays() {
+fn reading_a_queue_does_not_empty_it() {
     let mut unit = Unit::new();
     for _ in 0..2 {
         assert_eq!(
@@ -164,7 +164,7 @@ fn with_objects(objects: &[(u8, u8)]) -> Unit<Sized> {
 }
 
 #[test]
-fn a_queue_of_31_is_read_and_one_of_32_is_not() {
+fn a_queue_of_31_registers_is_read_and_one_of_32_is_refused() {
     let mut unit = with_objects(&[]);
     assert_eq!(unit.pdu(&[0x18, 0, 0]), [0x18, 0, 2, 0, 0]);
     let answer = unit.pdu(&[0x18, 0, 31]);
@@ -174,7 +174,7 @@ fn a_queue_of_31_is_read_and_one_of_32_is_not() {
 }
 
 #[test]
-fn a_server_id_fills_the_frame_and_no_more() {
+fn a_server_id_may_fill_the_frame_and_is_cut_there() {
     let answer = with_objects(&[]).pdu(&[0x11]);
     assert_eq!((answer.len(), answer[1]), (253, 251));
 }
@@ -212,7 +212,7 @@ fn device_identification() {
 }
 
 #[test]
-fn device_identification_goes_on_where_an_answer_is_full() {
+fn device_identification_continues_after_a_full_answer() {
     // 244 bytes of value fit an answer of their own; then 100 + 2, 100 + 2 and 40 + 2 are 246, which is one too many after
     // the 7 of the head: 253 in all is just enough.
     let mut unit = with_objects(&[
@@ -430,7 +430,7 @@ fn a_server_that_listens_only() {
 }
 
 #[test]
-fn files_are_a_matter_of_the_board() {
+fn a_board_without_files_refuses_their_functions() {
     let mut unit = Unit {
         server: Server::counted(17),
         model: Conformance::<0>::new("nano"),
@@ -444,7 +444,7 @@ fn files_are_a_matter_of_the_board() {
 }
 
 #[test]
-fn a_server_that_does_not_count_knows_neither_diagnostics_nor_events() {
+fn a_server_without_counters_refuses_diagnostics_and_events() {
     let server = Server::new(17);
     let mut model = Conformance::<0>::new("nano");
     for code in [8, 0x0B, 0x0C] {

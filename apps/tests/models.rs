@@ -1,4 +1,4 @@
-//! The data models of the images, address by address, and what a board tells of its start.
+//! The data models of the images, address by address, and the reset causes of a board.
 
 use std::cell::{Cell, RefCell};
 use std::future::Future;
@@ -123,7 +123,7 @@ fn a_coil_of_the_demonstration_unit_is_a_bit_and_no_other() {
 }
 
 #[test]
-fn what_the_demonstration_unit_does_not_have_changes_nothing() {
+fn a_write_to_a_missing_item_of_the_demonstration_unit_changes_nothing() {
     let (mut unit, shown) = demo_unit();
     for write in [
         words(5, &[16, 0xFF00]),
@@ -139,7 +139,7 @@ fn what_the_demonstration_unit_does_not_have_changes_nothing() {
 }
 
 #[test]
-fn the_yardstick_has_as_many_of_each_table() {
+fn the_yardstick_has_count_items_in_each_table() {
     let unit = &mut yardstick::<12, 2>();
     for code in 1..=4 {
         for first in 0..14 {
@@ -191,7 +191,7 @@ fn stack() -> Stack {
 }
 
 #[test]
-fn a_unit_that_fails_tells_of_its_start_and_of_its_stack() {
+fn a_failing_unit_reports_its_reset_cause_and_stack() {
     let told: &'static Asked = Box::leak(Box::default());
     let mut unit = Faults::new(told, ResetCause::Fault, stack);
     let expected = |address: u16| match address {
@@ -216,7 +216,7 @@ fn a_unit_that_fails_tells_of_its_start_and_of_its_stack() {
 }
 
 #[test]
-fn it_fails_as_it_is_asked_and_only_then() {
+fn a_unit_fails_only_as_requested() {
     let told: &'static Asked = Box::leak(Box::default());
     let mut unit = Faults::new(told, ResetCause::Power, stack);
     let failures = [
@@ -249,7 +249,7 @@ fn it_fails_as_it_is_asked_and_only_then() {
 }
 
 #[test]
-fn the_stack_is_used_up_until_it_is_over() {
+fn the_stack_is_used_up_until_the_callback_ends_it() {
     let calls = Cell::new(0_u32);
     for depth in [1, 2, 3, 300] {
         calls.set(0);
@@ -343,7 +343,7 @@ fn a_buffer_that_is_kept_is_kept_until_the_task_ends() {
 }
 
 #[test]
-fn a_line_that_does_not_say_otherwise_is_one_pair_and_cuts_nothing_off() {
+fn the_default_line_is_half_duplex_and_cuts_nothing_off() {
     let line = Buffer {
         is_lent: Box::leak(Box::default()),
         may_be_lent: Box::leak(Box::default()),
@@ -357,7 +357,7 @@ fn a_line_that_does_not_say_otherwise_is_one_pair_and_cuts_nothing_off() {
 }
 
 #[test]
-fn each_cause_of_a_start_has_its_number_and_its_name() {
+fn each_reset_cause_has_its_number_and_its_name() {
     let causes = [
         (ResetCause::Power, "power"),
         (ResetCause::BrownOut, "brown-out"),

@@ -58,20 +58,20 @@ pins! {
     PD3 PD4 PD5 PD6 PD7
 }
 
-/// The board: its port, and all that the port does not use.
+/// The board: its port, and the peripherals that the port does not use.
 #[expect(non_snake_case, reason = "peripherals are named as in the data sheet")]
 pub struct Board {
     /// The serial port, with DE.
     pub rs4: Closed,
-    /// The pins.
+    /// The pins of the board.
     pub pins: Pins,
-    /// Analog comparator.
+    /// The analog comparator.
     pub AC: pac::AC,
-    /// Analog-to-digital converter.
+    /// The analog-to-digital converter.
     pub ADC: pac::ADC,
     /// EEPROM, for [`Eeprom`](embassy_avr_hal::eeprom::Eeprom).
     pub EEPROM: pac::EEPROM,
-    /// SPI.
+    /// The SPI peripheral.
     pub SPI: pac::SPI,
     /// Timer0, 8 bits.
     pub TC0: pac::TC0,
@@ -81,10 +81,10 @@ pub struct Board {
     pub TWI: pac::TWI,
 }
 
-/// Finds out why the board has started, starts the watchdog, and gives the port and all that the port does not use. The first
+/// Records the cause of the last reset, starts the watchdog, and returns the port and the peripherals that the port does not use. The first
 /// thing in `main`.
 ///
-/// Where the build is for the old boot loader, which cannot bear a watchdog, it stays off.
+/// In a build for the old boot loader, which does not work with a watchdog, the watchdog stays off.
 ///
 /// # Panics
 /// The second time.

@@ -1,6 +1,6 @@
 //! The Arduino Nano: its clock, its pins, and the options of a build.
 //!
-//! | pin | is |
+//! | pin | use |
 //! |---|---|
 //! | D0, D1 (PD0, PD1) | RXD, TXD |
 //! | D2 (PD2) | DE of the RS-485 transceiver, [`De`] |
@@ -31,7 +31,7 @@ pub use watchdog::Bound;
 #[doc(hidden)]
 pub use watchdog::{OneExecutor, Task};
 
-/// The CPU clock: the Nano's 16 MHz crystal if not built otherwise.
+/// The CPU clock: the Nano's 16 MHz crystal, unless the build sets another.
 pub const CLOCK_HZ: u32 = options::clock(16_000_000);
 
 /// The pin that enables the driver of the RS-485 transceiver. To move it, change this line and [`DE_MASK`], and swap the two pins
@@ -41,7 +41,7 @@ pub type De = embassy_avr_hal::gpio::PD2;
 /// The mask of [`De`] in its port.
 pub const DE_MASK: u8 = 1 << 2;
 
-/// Whether `MULTIDROP_BAUD` is so slow that t3.5 of some format, and a character, are longer than Timer1 counts in one go.
+/// Whether `MULTIDROP_BAUD` is so slow that Timer1 cannot count t3.5 and a character of some format in one turn.
 const fn is_slow() -> bool {
     const TICK_HZ: u32 = CLOCK_HZ / 8;
     // Five characters of 12 bits.
@@ -51,19 +51,20 @@ const fn is_slow() -> bool {
 /// The Nano's one serial port, as RS-485, for RTU; for slow lines too where `MULTIDROP_BAUD` asks for one.
 pub type Rs485 = ChipLine<Usart0<De, CLOCK_HZ, Rtu>>;
 
-/// The same, for a port that speaks ASCII, at times or always.
+/// The Nano's serial port for RTU and ASCII, as RS-485.
 pub type Rs485Ascii = ChipLine<Usart0<De, CLOCK_HZ, RtuAndAscii>>;
 
-/// The same as [`Rs485`], for a port whose DE goes up before its answer (DE_LEAD) or whose answer waits (RESPONSE_DELAY).
+/// The line [`Rs485`] with DE_LEAD, which raises DE before the answer, and RESPONSE_DELAY, which delays the answer.
 pub type Rs485Delayed = ChipLine<Usart0<De, CLOCK_HZ, Delayed<RtuOnly>>>;
 
-/// As [`Rs485`], for slow lines as well: t3.5 or the gap that ends a frame may be longer than 65535 ticks, 32.7 ms at 16 MHz.
+/// The line [`Rs485`] for slow rates too: t3.5, or the gap that ends a frame, may be longer than 65535 ticks, 32.7 ms
+/// at 16 MHz.
 pub type Rs485Slow = ChipLine<Usart0<De, CLOCK_HZ, Slow<RtuOnly>>>;
 
-/// As [`Rs485Ascii`], for slow lines as well.
+/// The line [`Rs485Ascii`] for slow rates too.
 pub type Rs485AsciiSlow = ChipLine<Usart0<De, CLOCK_HZ, Slow<RtuAndAscii>>>;
 
-/// Of [`Rs485`].
+/// The framings of [`Rs485`].
 pub enum Rtu {}
 
 impl Framings for Rtu {
@@ -72,10 +73,10 @@ impl Framings for Rtu {
     type Delays = ();
 }
 
-/// The same, for an application that can be built for either: with ASCII where [`options::ascii`] asks for it.
+/// The line of an application that can be built for RTU or for ASCII, by [`options::ascii`].
 pub type Rs485Option = ChipLine<Usart0<De, CLOCK_HZ, OptionFramings>>;
 
-/// Of [`Rs485Option`].
+/// The framings of [`Rs485Option`].
 pub enum OptionFramings {}
 
 impl Framings for OptionFramings {
@@ -91,14 +92,14 @@ pub fn line<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings>(
     settings: &Settings<F>,
 ) -> ChipLine<Usart0<DE, CLOCK_HZ, F>> {
     // SAFETY: there is one USART, made of the one set of its registers, with one machine and one buffer; its interrupts use both as
-    // the machine says.
+    // the machine demands.
     unsafe { ChipLine::new(usart, Some(settings)) }
 }
 
 /// The chip's side of a line, to which its interrupts are bound.
 #[doc(hidden)]
 pub trait OfUsart {
-    /// A [`Usart0`].
+    /// The type of the USART.
     type Usart;
 }
 
@@ -106,10 +107,11 @@ impl<DE, const CLOCK_HZ: u32, F> OfUsart for ChipLine<Usart0<DE, CLOCK_HZ, F>> {
     type Usart = Usart0<DE, CLOCK_HZ, F>;
 }
 
-/// What is wrong with a silence that only a slow line counts.
-const TOO_LONG: &str = "Timer1 counts no silence that long in one go: the line must be of type Rs485Slow or Rs485AsciiSlow";
+/// The rule for a silence that only a slow line can count.
+const TOO_LONG: &str =
+    "too long for one turn of Timer1: the line must be of type Rs485Slow or Rs485AsciiSlow";
 
-/// Line settings of a port at the Nano's clock, for a `const`: what the chip cannot do stops the
+/// The line settings of a port at the Nano's clock, for a `const`. A setting that the chip does not support stops the
 /// build.
 pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
     let line = &port.settings().line;
@@ -125,7 +127,7 @@ pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
             if port.line().baud
                 < baud::slowest(CLOCK_HZ, line.format.character_bits() as u32, is_ascii)
             {
-                "Timer1 counts no character that long"
+                "too slow: a character is too long for Timer1"
             } else {
                 "the clock does not make it within 2.5 %"
             },
@@ -165,15 +167,15 @@ pub const fn settings<F: Framings>(port: &PortConfig) -> Settings<F> {
     }
 }
 
-/// How deep the stack has been since the board has started. Not in an image that is built bare.
+/// The depth of the stack since the start. Not in an image that is built bare.
 #[cfg(not(feature = "bare"))]
 pub fn stack() -> multidrop::Stack {
     let embassy_avr_hal::stack::Stack { size, used } = embassy_avr_hal::stack::stack();
     multidrop::Stack { size, used }
 }
 
-/// Why the board has started; [`ResetCause::Other`] in an image that is built bare. [`ResetCause::report`] puts it into the
-/// diagnostic register.
+/// The cause of the last reset; [`ResetCause::Other`] in an image that is built bare. [`ResetCause::report`] puts it
+/// into the diagnostic register.
 pub fn reset_cause() -> ResetCause {
     #[cfg(not(feature = "bare"))]
     return embassy_avr_hal::fault::reset_cause();

@@ -46,7 +46,7 @@ impl Task {
         Self(task_from_waker(waker))
     }
 
-    /// Wakes it.
+    /// Wakes the task.
     #[inline(always)]
     pub fn wake(self) {
         wake_task(self.0);

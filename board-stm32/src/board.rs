@@ -31,11 +31,11 @@ impl<P: Port> Closed<P> {
 
 /// The board: its ports, and what they do not need.
 pub struct Board {
-    /// USART1.
+    /// The port on USART1.
     pub as1: Closed<As1>,
-    /// USART2.
+    /// The port on USART2.
     pub as2: Closed<As2>,
-    /// USART3.
+    /// The port on USART3.
     pub rs2: Closed<Rs2>,
     /// UART4, with DE.
     pub rs4: Closed<Rs4>,
@@ -134,14 +134,14 @@ pub fn run<const N: usize>(roll: &'static Roll<N>, init: impl FnOnce(Spawner)) -
     })
 }
 
-/// For tests in QEMU: TIM2, which `embassy-time` counts with, goes round in so many us. Before [`run`].
+/// For tests in QEMU: TIM2, the timer of `embassy-time`, wraps after this number of us. Before [`run`].
 #[cfg(feature = "qemu")]
 #[doc(hidden)]
 pub fn wrap_time_in(us: u32) {
     platform::wrap_time_in(us);
 }
 
-/// For tests in QEMU: TIM5, which measures the silence on the lines, goes round in so many us, at most 80 s. While nothing
+/// For tests in QEMU: TIM5, which measures the silence on the lines, wraps after this number of us, at most 80 s. While nothing
 /// is on any line.
 #[cfg(feature = "qemu")]
 #[doc(hidden)]

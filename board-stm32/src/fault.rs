@@ -1,5 +1,5 @@
-//! What becomes of a panic, a fault of the CPU and an interrupt that nobody handles: every DE goes down, the cause is
-//! kept, and the chip starts anew. Left to itself the CPU would stand with DE as it was, and nobody else could talk.
+//! The handling of panics, faults of the CPU and interrupts without a handler: every DE goes down, the cause is kept, and
+//! the chip is reset. Without this the CPU would stop with DE as it was, and block the bus.
 
 use core::arch::naked_asm;
 use core::cell::UnsafeCell;
@@ -35,7 +35,7 @@ pub(crate) fn reset() -> ! {
     cortex_m::interrupt::disable();
     registers::lower_all_de();
     let kept = KEPT.0.get().cast::<Kept>();
-    // SAFETY: interrupts are off; any word may be there. Volatile, since nobody in this program reads it.
+    // SAFETY: interrupts are off; any word may be there. Volatile, since this program does not read it.
     unsafe { (&raw mut (*kept).mark).write_volatile(MARK) };
     // What was written has to be in RAM, and DE down, before the reset (PM0214 4.4.5 demands the key; SYSRESETREQ is bit 2).
     cortex_m::asm::dsb();

@@ -65,7 +65,7 @@ pub use watchdog::{Dog, Roll};
 /// What the clocks are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
-    /// The crystal.
+    /// The external crystal (HSE).
     Crystal,
     /// The chip's own oscillator, since the crystal did not swing within 100 ms.
     Internal,

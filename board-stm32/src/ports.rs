@@ -23,7 +23,7 @@ pub const PORTS: usize = 4;
 pub struct Pin {
     /// `'A'`, `'B'` or `'C'`.
     pub gpio: char,
-    /// 0..=15.
+    /// The number in its port, 0..=15.
     pub number: u8,
 }
 
@@ -46,9 +46,9 @@ pub struct Handshake {
 /// How a port is wired.
 #[derive(Clone, Copy, Debug)]
 pub struct Wiring {
-    /// Its name.
+    /// The name of the port.
     pub name: &'static str,
-    /// Transmit.
+    /// The transmit pin.
     pub tx: Pin,
     /// Receive. Its number is the EXTI line that sees start bits; no two ports may share one.
     pub rx: Pin,
@@ -218,11 +218,11 @@ macro_rules! ports {
 }
 
 ports! {
-    /// USART1.
+    /// The port on USART1.
     As1 = 0,
-    /// USART2.
+    /// The port on USART2.
     As2 = 1,
-    /// USART3.
+    /// The port on USART3.
     Rs2 = 2,
     /// UART4, with DE.
     Rs4 = 3,

@@ -1,4 +1,4 @@
-//! The stack: painted at the start, measured when it is asked for, and with a guard below it that nobody may touch.
+//! The stack: painted at the start, measured on request, with a guard below it that no code may access.
 //!
 //! What lies below it are the static variables. The guard is a region of the MPU without access (ARMv7-M B3.5): who pushes
 //! into it faults, and the board starts anew as after any fault.
@@ -8,7 +8,7 @@ use core::ptr::{read_volatile, write_volatile};
 use cortex_m::peripheral::MPU;
 use multidrop::Stack;
 
-/// What the free RAM is filled with.
+/// The byte that fills the free RAM at the start.
 const PAINT: u32 = 0xC5C5_C5C5;
 
 /// Bytes of the guard, a power of two: more than most functions take at once.
@@ -40,10 +40,10 @@ pub(crate) fn paint_and_guard() {
     let from = guard() + GUARD;
     let to = cortex_m::register::msp::read() as usize - SPARED;
     for address in (from..to).step_by(size_of::<u32>()) {
-        // SAFETY: RAM between the static variables and what is in use of the stack; volatile, for nobody reads it but by address.
+        // SAFETY: RAM between the static variables and what is in use of the stack; volatile, since it is only read by address.
         unsafe { write_volatile(core::ptr::with_exposed_provenance_mut(address), PAINT) };
     }
-    // SAFETY: region 0 of eight is nobody else's; no static variable and nothing of the stack lies in it.
+    // SAFETY: region 0 of eight is used only here; no static variable and nothing of the stack lies in it.
     unsafe {
         let mpu = &*MPU::PTR;
         mpu.rnr.write(0);

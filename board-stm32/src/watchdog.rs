@@ -4,7 +4,8 @@
 //! may be shorter by a third or longer by nearly as much again. The roll is called three times within it, so that it is called
 //! twice within the shortest. Once it runs nothing stops it but a reset.
 //!
-//! A frame that a task keeps for longer than the longest frame takes and the watchdog's time withholds the feeding.
+//! A task may keep a frame for the time of the longest frame plus the watchdog's time; after that the watchdog is not
+//! fed.
 
 use multidrop::protocol::message::Message;
 
@@ -23,13 +24,13 @@ const LSI_KHZ: u32 = 32;
 const COUNTS: u32 = 4096;
 
 impl Watchdog {
-    /// Two seconds.
+    /// The default of two seconds.
     pub const DEFAULT: Self = Self::ms::<2000>();
 
     /// A nominal time in ms, 32..=32768: up to 4096 any, up to 8192 even ones, above them multiples of 4, from 16384 on of 8.
     ///
     /// # Panics
-    /// At compile time, for any other.
+    /// At compile time, for any other value.
     pub const fn ms<const MS: u32>() -> Self {
         const { Self::of(MS) }
     }
@@ -111,7 +112,7 @@ mod running {
         kr
     }
 
-    /// The watchdog.
+    /// The watchdog of the board.
     pub struct Dog;
 
     /// A task, in half the room of a waker.

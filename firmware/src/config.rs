@@ -198,7 +198,7 @@ impl PortConfig {
         self.settings.slave_id
     }
 
-    /// All settings.
+    /// The settings of the port.
     pub const fn settings(&self) -> &PortSettings {
         &self.settings
     }

@@ -1,6 +1,6 @@
 //! Managed serial ports that speak Modbus, on Embassy, for any chip.
 //!
-//! A board implements [`Line`] for its USART. This crate is what stands above the line: the port and its
+//! A board implements [`Line`] for its USART. This crate has the layers above the line: the port and its
 //! configuration, the task that takes frames from the line ([`receive()`]) and the task that answers them
 //! ([`serve()`]). The two tasks share one `embassy_sync` channel. [`server!`] makes tasks of both functions, and
 //! [`client!`] those of a client; [`tasks!`] is for applications with more. [`Tables`] is the data model of a server

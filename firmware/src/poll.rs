@@ -11,7 +11,7 @@
 //! use multidrop::poll::{PollEntry, PollList};
 //! use multidrop::{Client, Line};
 //!
-//! Two blocks with six cells in all.
+//! /// Two blocks with six cells in all.
 //! type List = PollList<2, 6>;
 //!
 //! const LIST: List = PollList::new([
@@ -115,11 +115,11 @@ impl PollEntry {
 /// The health of an entry since the start. Counters stop at 65535.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Health {
-    /// Good answers.
+    /// The number of valid answers.
     pub answers: u16,
     /// Requests without an answer.
     pub timeouts: u16,
-    /// Exception responses.
+    /// The number of exception responses.
     pub exceptions: u16,
     /// Other failures: wrong or damaged answers, or no silence on the line.
     pub others: u16,

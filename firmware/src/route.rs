@@ -13,7 +13,7 @@
 //! const AS1: PortConfig = PortConfig::new("AS1").slave_id(10);
 //! type As1<L> = ManagedPort<L, PortRegisters<Bank<1>, NoCoils, NoRules>>;
 //!
-//! `routes` name the client for each unit id.
+//! /// `routes` name the client for each unit id.
 //! fn routed<L: Line>(line: L, router: &'static Router<L, 4>) -> As1<L> {
 //!     ManagedPort::new(line, &AS1, AS1.bank(), NoCoils).routed(router)
 //! }

@@ -17,8 +17,7 @@
 //!     .framing(Framing::Text);
 //! type Rs2<L> = ManagedPort<L, PortRegisters<Bank<1>, NoCoils, NoRules>>;
 //!
-//! Prints what the capture records of another line. A board connects a line to a capture; on the STM32, `observed_by`
-//! does.
+//! /// Prints what the capture records of another line. A board connects a line to a capture; on the STM32, `observed_by` does.
 //! fn printer<L: Line>(line: L, capture: &'static Capture<384>) -> Rs2<L> {
 //!     ManagedPort::new(line, &RS2, RS2.bank(), NoCoils).printing(capture)
 //! }

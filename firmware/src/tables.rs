@@ -126,13 +126,13 @@ pub struct Ruled<R> {
 
 /// What judges a block of holding registers: [`NoRules`] or [`Ruled`].
 pub trait Judge: 'static {
-    /// [`Rules::check_read`].
+    /// Checks a read, see [`Rules::check_read`].
     ///
     /// # Errors
     /// Those of [`Rules::check_read`].
     fn check_read(&self, first: u16, count: u16) -> Result<(), Exception>;
 
-    /// [`Rules::check_write`].
+    /// Checks a write, see [`Rules::check_write`].
     ///
     /// # Errors
     /// Those of [`Rules::check_write`].
@@ -180,13 +180,13 @@ impl<M: 'static> Functions<M> for () {}
 /// The order of the checks is: the addresses, then the rules.
 #[derive(Clone, Copy, Debug)]
 pub struct Tables<H = Absent, I = Absent, C = Absent, D = Absent, R = NoRules, F = ()> {
-    /// Holding registers.
+    /// The holding registers.
     pub holding: H,
-    /// Input registers.
+    /// The input registers.
     pub inputs: I,
-    /// Coils.
+    /// The table of coils.
     pub coils: C,
-    /// Discrete inputs.
+    /// The discrete inputs.
     pub discrete: D,
     /// The rules on the holding registers, with their flags.
     pub rules: R,

@@ -1,7 +1,7 @@
-//! What somebody reads whose configuration cannot work: each wrong port, rule and bank is built, and the message is looked for
-//! word by word.
+//! The messages for wrong configurations: each wrong port, rule and bank is built, and its message is compared word
+//! by word.
 //!
-//! All cases are examples of one package that is written for the purpose and checked by one run of cargo.
+//! All cases are examples of one package that the test writes and checks with one run of cargo.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -405,7 +405,7 @@ fn check(cases: &[Case]) -> BTreeMap<String, Vec<String>> {
 }
 
 #[test]
-fn every_wrong_configuration_stops_the_build_and_says_why() {
+fn every_wrong_configuration_stops_the_build_with_its_message() {
     let cases = cases();
     let said = check(&cases);
     for (name, source, message) in &cases {

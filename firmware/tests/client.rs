@@ -1,4 +1,4 @@
-//! What ends a request, and what does not (SER 2.4): answers that are delayed, cut, doubled, damaged, wrong.
+//! The end of a request (SER 2.4): answers that are delayed, cut, doubled, damaged, wrong.
 
 mod desk;
 
@@ -39,7 +39,7 @@ fn a_good_answer_ends_the_wait_when_it_stands() {
 }
 
 #[test]
-fn nothing_heard_is_a_timeout() {
+fn silence_is_a_timeout() {
     let (read, ms) = first_read(CONFIG, once(|_| vec![]));
     assert_eq!((read, ms), (Err(ClientError::Timeout), FOR_NOTHING));
     assert_eq!(ClientError::Timeout.blame(), Blame::Wire);
@@ -86,7 +86,7 @@ fn a_late_answer_of_another_shape_does_not_end_the_next_wait() {
 }
 
 #[test]
-fn an_answer_cut_off_anywhere_is_not_one() {
+fn an_answer_cut_off_at_any_byte_is_no_answer() {
     for len in 0..5 {
         // With a check that fits it, and without.
         let (read, ms) = first_read(
@@ -109,7 +109,7 @@ fn an_answer_cut_off_anywhere_is_not_one() {
 }
 
 #[test]
-fn an_answer_wrong_in_any_byte_is_told_by_what_is_wrong() {
+fn an_answer_wrong_in_any_byte_gives_the_matching_error() {
     for (place, expected) in [
         (0, Err(ClientError::WrongUnit(17 ^ 0x40))),
         (1, Err(ClientError::WrongFunction(3 ^ 0x40))),
@@ -193,7 +193,7 @@ fn other_units_answers_damaged_frames_and_other_functions_are_skipped() {
 }
 
 #[test]
-fn the_last_wrong_thing_heard_is_the_error() {
+fn the_last_wrong_frame_is_the_error() {
     let unit = Heard::Frame(vec![18, 3, 2, 1, 2]);
     let function = Heard::Frame(vec![17, 4, 2, 1, 2]);
     let check = Heard::Damaged(ReceiveErrors::CHECK);
@@ -319,7 +319,7 @@ fn retries_are_sent_and_counted() {
 }
 
 #[test]
-fn what_cannot_be_asked_is_refused_and_nothing_sent() {
+fn an_invalid_request_is_refused_and_not_sent() {
     let mut desk = Desk::<1>::new(|_| vec![]);
     let client = desk.port.client(CONFIG);
     let (refused, ms) = desk.ask(async move {
@@ -368,7 +368,7 @@ fn what_cannot_be_asked_is_refused_and_nothing_sent() {
 }
 
 #[test]
-fn force_listen_only_mode_is_not_waited_for() {
+fn force_listen_only_mode_has_no_answer_to_wait_for() {
     let mut desk = Desk::<1>::new(|_| vec![]);
     let client = desk.port.client(CONFIG);
     let (told, ms) = desk.ask(async move { client.diagnose(17, Diagnostic::ListenOnly).await });
@@ -377,7 +377,7 @@ fn force_listen_only_mode_is_not_waited_for() {
 }
 
 #[test]
-fn a_request_waits_while_somebody_talks_and_gives_up_after_a_timeout() {
+fn a_request_waits_for_silence_and_gives_up_after_a_timeout() {
     // Twice somebody begins to talk when it is about to go out.
     let mut desk = Desk::<1>::new(once(|answer| vec![(DELAY, Heard::Frame(answer))]));
     desk.wire.interrupts.borrow_mut().extend([20, 30]);

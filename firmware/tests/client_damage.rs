@@ -1,4 +1,5 @@
-//! Damage between a request that was given up, or timed out, and its late answer: the answer is nobody's all the same.
+//! Damaged frames between a request that was given up, or timed out, and its late answer: the late answer is still
+//! recognised.
 
 mod desk;
 
@@ -120,7 +121,7 @@ fn the_answer_to_a_timed_out_request_is_expected_despite_noise() {
 
 /// The noise is heard by a request to another unit, which takes neither it nor the answer behind it.
 #[test]
-fn another_unit_is_asked_between_the_noise_and_the_late_answer() {
+fn a_request_to_another_unit_is_sent_between_noise_and_late_answer() {
     for heard in noise() {
         for late in [11, 16, GUARD - 1] {
             let mut answers = peer(TIMEOUT + late);
@@ -155,7 +156,7 @@ fn another_unit_is_asked_between_the_noise_and_the_late_answer() {
 
 /// One that timed out owes an answer, and one behind it is given up: the answer to the first does not end the wait for the second.
 #[test]
-fn another_units_late_answer_does_not_let_anybody_on_the_bus() {
+fn another_units_late_answer_does_not_end_the_wait() {
     let given_up = SENDS + 2;
     // Of the second request's timeout, whose answer does not come.
     for comes in [3, 10, TIMEOUT - 5] {
@@ -186,7 +187,7 @@ fn another_units_late_answer_does_not_let_anybody_on_the_bus() {
 
 /// What was given up before its last character was out is no request; noise then is nobody's answer.
 #[test]
-fn noise_behind_a_request_that_was_cut_off_holds_nobody_up() {
+fn noise_after_a_request_that_was_cut_off_delays_no_request() {
     for heard in noise() {
         let mut desk = Desk::<1>::new(peer(DELAY));
         let client = desk.port.client(CONFIG);

@@ -1,4 +1,4 @@
-//! Every function of the client: what it sends, and what it makes of the answer, the refusal and the silence.
+//! Every function of the client: its request, and the result for an answer, an exception and silence.
 
 mod desk;
 
@@ -31,7 +31,7 @@ fn asked<R: 'static, F: Future<Output = Result<R, ClientError>> + 'static>(
     result
 }
 
-/// The same for each end that it may have.
+/// A request with `call` gives `expected`, whether the answer stands or not.
 fn works<R, F>(call: impl Fn(Port) -> F, request: &[u8], answer: &[u8], expected: R)
 where
     R: PartialEq + Debug + 'static,
@@ -243,7 +243,7 @@ fn the_state_of_a_server_is_read() {
 }
 
 #[test]
-fn diagnostics_are_asked_for() {
+fn diagnostics_are_read() {
     works(
         |client| async move { client.diagnose(17, Diagnostic::BusMessages).await },
         &[8, 0, 0x0B, 0, 0],
@@ -356,7 +356,7 @@ fn any_other_function_is_called() {
 }
 
 #[test]
-fn more_than_can_be_asked_for_is_told_as_it_is() {
+fn a_count_over_the_limit_is_reported_in_the_error() {
     let mut desk = Desk::<1>::new(|_| vec![]);
     let client = desk.port.client(CONFIG);
     for (len, told) in [

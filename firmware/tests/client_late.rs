@@ -1,4 +1,4 @@
-//! Answers behind their time: none is taken for another request's, and nobody waits for them who need not.
+//! Late answers: none is taken for the answer to another request, and only requests that need to wait for them do.
 
 mod desk;
 
@@ -84,7 +84,7 @@ fn without_a_guard_of_its_own_it_is_as_long_as_the_timeout() {
 }
 
 #[test]
-fn all_that_cannot_be_mistaken_is_asked_meanwhile() {
+fn requests_that_cannot_be_mistaken_are_sent_meanwhile() {
     let mut desk = Desk::<2>::new(first_late(None));
     let client = desk.port.client(CONFIG);
     assert_eq!(desk.ask(read(client, 17, 7)).0, Err(ClientError::Timeout));
@@ -108,7 +108,7 @@ fn all_that_cannot_be_mistaken_is_asked_meanwhile() {
 }
 
 #[test]
-fn only_the_answer_itself_or_its_exception_ends_the_wait_for_it() {
+fn only_the_late_answer_or_its_exception_ends_the_wait_for_it() {
     let other = Heard::Frame(vec![18, 3, 2, 1, 2]);
     let function = Heard::Frame(vec![17, 4, 2, 1, 2]);
     let accepted = Heard::Frame(vec![17, 0x83, 5]);
@@ -166,7 +166,7 @@ fn a_retry_does_not_wait_and_a_second_answer_is_expected() {
 }
 
 #[test]
-fn four_units_may_owe_and_for_a_fifth_the_line_waits() {
+fn late_answers_of_four_units_are_tracked_and_for_a_fifth_the_line_waits() {
     let mut desk = Desk::<1>::new(peer(|request| (request[0] > 5).then_some(DELAY)));
     let guard = 2000;
     let client = desk.port.client(CONFIG.timeout_ms(20).late_guard_ms(guard));
@@ -180,7 +180,7 @@ fn four_units_may_owe_and_for_a_fifth_the_line_waits() {
 }
 
 #[test]
-fn what_waits_goes_in_the_order_in_which_it_asked() {
+fn waiting_requests_are_sent_in_their_order() {
     let mut desk = Desk::<3>::new(first_late(None));
     let client = desk.port.client(CONFIG);
     assert_eq!(desk.ask(read(client, 17, 7)).0, Err(ClientError::Timeout));
@@ -196,7 +196,7 @@ fn what_waits_goes_in_the_order_in_which_it_asked() {
 }
 
 #[test]
-fn one_that_waits_may_be_given_up_at_any_moment() {
+fn a_waiting_request_may_be_given_up_at_any_moment() {
     for moment in 0..GUARD + EXCHANGE {
         let mut desk = Desk::<2>::new(first_late(None));
         let client = desk.port.client(CONFIG);
@@ -213,7 +213,7 @@ fn one_that_waits_may_be_given_up_at_any_moment() {
 
 /// The other units of a scan list are read at their periods, to the millisecond, however long one is silent.
 #[test]
-fn a_scan_list_takes_the_next_entry_in_place_of_one_that_owes() {
+fn a_poll_list_reads_the_next_entry_while_a_late_answer_holds_one_up() {
     let scan = PollList::<4, 4>::new([
         PollEntry::holding_registers(1, 0, 1).period_ms(300),
         PollEntry::holding_registers(2, 0, 1).period_ms(300),
@@ -305,7 +305,7 @@ fn the_timeout_bounds_the_beginning_of_an_answer() {
 }
 
 #[test]
-fn one_frame_is_heard_out_and_no_more() {
+fn only_one_frame_is_received_after_the_timeout() {
     // The next one begins in the moment in which it is over, or behind it.
     for begins in [150, 151, 152] {
         let mut desk = Desk::<1>::new(move |_| {
@@ -322,7 +322,7 @@ fn one_frame_is_heard_out_and_no_more() {
 }
 
 #[test]
-fn a_damaged_frame_is_heard_out_too() {
+fn a_damaged_frame_is_received_to_its_end_too() {
     let mut desk = Desk::<1>::new(|_| {
         let damaged = Heard::Damaged(ReceiveErrors::CHECK);
         vec![(90, Heard::Long(60, Box::new(damaged)))]
@@ -333,7 +333,7 @@ fn a_damaged_frame_is_heard_out_too() {
 }
 
 #[test]
-fn nothing_is_asked_for_the_gap_behind_an_answer() {
+fn no_request_is_sent_within_the_gap_after_an_answer() {
     const GAP: u64 = 40;
     let mut desk = Desk::<2>::new(peer(|_| Some(DELAY)));
     let client = desk.port.client(CONFIG.request_gap_ms(GAP as u16));

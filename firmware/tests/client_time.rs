@@ -1,4 +1,4 @@
-//! Every wait of a client at every time of the clock, whose lower 32 bits go round, and the order of many requests.
+//! Every wait of a client at every time of the clock, whose lower 32 bits wrap, and the order of many requests.
 
 mod desk;
 
@@ -104,7 +104,7 @@ fn the_turnaround_and_the_wait_for_silence() {
 }
 
 #[test]
-fn one_that_is_given_up_is_waited_for() {
+fn the_answer_to_a_request_given_up_is_waited_for() {
     for moment in moments() {
         let mut desk = at::<2>(moment);
         let client = desk.port.client(CONFIG);
@@ -120,7 +120,7 @@ fn one_that_is_given_up_is_waited_for() {
 }
 
 #[test]
-fn a_scan_list_keeps_its_periods() {
+fn a_poll_list_keeps_its_periods() {
     for moment in moments() {
         let scan: &'static PollList<2, 2> = Box::leak(Box::new(PollList::new([
             PollEntry::holding_registers(17, 1, 1).period_ms(50),
@@ -153,7 +153,7 @@ fn a_scan_list_keeps_its_periods() {
 
 /// The CPU is busy with something else when a wait ends: it is over when the task is polled, however much later that is.
 #[test]
-fn a_wait_that_is_looked_at_late_is_over() {
+fn a_wait_that_is_polled_late_is_over() {
     let minutes = ROUND / 3;
     for moment in [0, ROUND / 2 - 1, ROUND - 1] {
         for late in [1, TICKS_PER_MS, 50 * TICKS_PER_MS, minutes] {
@@ -196,7 +196,7 @@ fn a_wait_that_is_looked_at_late_is_over() {
 }
 
 #[test]
-fn the_longest_waits_there_are() {
+fn the_longest_waits_end_in_time() {
     let longest = u64::from(u16::MAX);
     for moment in [0, ROUND - 1, ROUND / 2] {
         let mut desk = at::<1>(moment);
@@ -279,9 +279,9 @@ fn places_that_are_free_again_do_not_change_the_order() {
     }
 }
 
-/// The same client with other times asks with these, and the first one with its own.
+/// A client with other times uses these, and the first client its own.
 #[test]
-fn a_client_with_other_times_has_these() {
+fn a_client_with_other_times_uses_them() {
     let mut desk = at::<1>(0);
     let client = desk.port.client(CONFIG);
     let patient = client.with(CONFIG.timeout_ms(3 * TIMEOUT as u16).retries(1));

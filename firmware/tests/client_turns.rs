@@ -1,4 +1,4 @@
-//! Whose turn it is: broadcasts that all others wait for, tasks that ask at once, requests that are given up.
+//! The turns of several requests: broadcasts for which all others wait, simultaneous requests, and requests that are given up.
 
 mod desk;
 
@@ -10,7 +10,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 #[test]
-fn a_broadcast_is_not_answered_and_others_wait_until_all_are_done_with_it() {
+fn after_a_broadcast_other_requests_wait_for_the_turnaround() {
     let mut desk = Desk::<1>::new(once(|answer| vec![(DELAY, Heard::Frame(answer))]));
     let client = desk.port.client(CONFIG.turnaround_ms(60));
     let (write, ms) = desk.ask(async move { client.write_registers(0, 3, &[5, 6]).await });
@@ -23,7 +23,7 @@ fn a_broadcast_is_not_answered_and_others_wait_until_all_are_done_with_it() {
 
 /// Given up at any moment: the next request still waits for all to be done.
 #[test]
-fn a_broadcast_given_up_is_waited_for_by_the_next_request() {
+fn the_next_request_waits_for_the_turnaround_of_a_broadcast_that_was_given_up() {
     for moment in 0..SENDS + 60 {
         let mut desk = Desk::<1>::new(once(|answer| vec![(DELAY, Heard::Frame(answer))]));
         let client = desk.port.client(CONFIG.turnaround_ms(60));
@@ -49,7 +49,7 @@ fn a_broadcast_given_up_is_waited_for_by_the_next_request() {
 }
 
 #[test]
-fn what_is_heard_after_a_broadcast_is_dropped() {
+fn a_frame_after_a_broadcast_is_dropped() {
     let mut desk = Desk::<1>::new(|request| match request[0] {
         0 => vec![
             (DELAY, Heard::Frame(vec![17, 6, 0, 3, 0, 7])),
@@ -85,7 +85,7 @@ fn two_tasks_take_turns() {
 }
 
 #[test]
-fn one_task_more_than_may_ask_is_refused() {
+fn one_task_more_than_the_queue_holds_is_refused() {
     let mut desk = Desk::<1>::new(once(|answer| vec![(DELAY, Heard::Frame(answer))]));
     let client = desk.port.client(CONFIG);
     assert!(!client.is_busy());
@@ -186,7 +186,7 @@ fn an_answer_that_nobody_takes_is_given_back() {
 }
 
 #[test]
-fn what_is_heard_while_nobody_asks_is_dropped() {
+fn a_frame_that_no_request_waits_for_is_dropped() {
     let mut desk = Desk::<1>::new(once(|answer| {
         vec![
             (DELAY, Heard::Frame(answer.clone())),
@@ -207,7 +207,7 @@ fn what_is_heard_while_nobody_asks_is_dropped() {
 
 /// The second, which waits for the answer to the first, is given up too.
 #[test]
-fn an_answer_still_to_come_is_waited_for_by_whoever_is_left() {
+fn the_next_request_waits_for_an_answer_that_is_still_to_come() {
     let mut desk = Desk::<2>::new(once(|answer| vec![(60, Heard::Frame(answer))]));
     let client = desk.port.client(CONFIG);
     let read = move |address| async move {

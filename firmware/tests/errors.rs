@@ -1,4 +1,4 @@
-//! What is said of each way in which a request can end but well, and who could do something about it.
+//! The message and the blame of each error of a request.
 
 use multidrop::client::{Blame, ClientError};
 use multidrop::managed::Failure;
@@ -104,7 +104,7 @@ const ERRORS: &[(ClientError, &str, Blame, Status, u8)] = &[
 ];
 
 #[test]
-fn each_error_has_its_words_its_blame_and_its_status() {
+fn each_error_has_its_message_its_blame_and_its_status() {
     let said = |cause: ClientError, says: &str, blame, status, error| {
         assert_eq!(cause.to_string(), says);
         assert_eq!(cause.blame(), blame, "{says}");
@@ -141,7 +141,7 @@ fn each_error_has_its_words_its_blame_and_its_status() {
 }
 
 #[test]
-fn what_ends_a_wait_is_told_as_it_is() {
+fn each_end_of_a_wait_gives_its_error() {
     for (ended, error) in [
         (Ended::Timeout, ClientError::Timeout),
         (

@@ -1,6 +1,6 @@
 //! Managed ports as masters: the register set at run time.
 //!
-//! Requests and answers are bytes of the standard, put together here and not by our own codec.
+//! Requests and answers are bytes of the standard, not made by the code under test.
 
 #[allow(dead_code, reason = "each test binary uses a part")]
 mod bench;
@@ -82,7 +82,7 @@ fn a_master_reads_and_writes_what_its_registers_describe() {
 }
 
 #[test]
-fn ends_come_as_events_too_the_last_ones_of_them() {
+fn the_last_results_are_kept_as_events() {
     let mut bench = Bench::new();
     let (wire, rs4) = plain(&mut bench, RS4.client());
     wire.answered_by(slave(17));
@@ -103,7 +103,7 @@ fn ends_come_as_events_too_the_last_ones_of_them() {
 }
 
 #[test]
-fn a_start_under_way_is_left_alone() {
+fn a_load_during_a_transaction_does_not_change_it() {
     let mut bench = Bench::new();
     let (wire, rs4) = plain(&mut bench, RS4.client());
     wire.answered_by(slave(17));
@@ -356,7 +356,7 @@ fn a_table_of_addresses_is_split_and_the_first_failure_is_told() {
 }
 
 #[test]
-fn a_scan_list_is_walked_over_all_slaves_whoever_fails() {
+fn a_scan_list_reaches_all_slaves_although_one_fails() {
     let mut bench = Bench::new();
     let list = ScanList::from_rows([4, 1000, 4, 7], [0; 4], [1, 2, 3, 1], [0, 1, 2, 3]);
     let (wire, rs4): (_, Port<ScanList<4>>) =

@@ -1,4 +1,4 @@
-//! A port of a board that has no other: what is for neighbours is not there, and all else is as everywhere.
+//! A port of a board that has no other: it has no functions for other ports, and everything else works.
 
 #[allow(dead_code, reason = "each test binary uses a part")]
 mod bench;
@@ -88,7 +88,7 @@ fn a_port_alone_is_no_sniffer() {
 }
 
 #[test]
-fn a_port_alone_answers_and_asks_as_others_do() {
+fn a_port_alone_is_a_slave_and_a_master_as_others_are() {
     let mut bench = Bench::new();
     let Opened { wire, port, eyes } = open::<false>(&mut bench, SLAVE, None);
     port.load_raw(Register::Regs(0), 0x1234).unwrap();
@@ -131,7 +131,7 @@ fn a_port_alone_answers_and_asks_as_others_do() {
 
 /// What a port that prints hears is nobody's: text goes out there.
 #[test]
-fn a_port_that_prints_shows_nothing_of_its_own_line() {
+fn a_port_that_prints_does_not_show_its_own_line() {
     const PRINTS: PortConfig = PortConfig::new("RS2")
         .mode(Mode::Sniffer)
         .framing(Framing::Text);

@@ -1,4 +1,4 @@
-//! Frames of a managed port that do not go out: somebody else begins to talk, or they are cut off.
+//! Frames of a managed port that are not sent: another station begins to send, or they are cut off.
 
 #[allow(dead_code, reason = "each test binary uses a part")]
 mod bench;
@@ -37,7 +37,7 @@ fn open(
 }
 
 #[test]
-fn an_answer_that_was_cut_off_is_one_that_is_missing() {
+fn an_answer_that_was_cut_off_counts_as_no_response() {
     let mut bench = Bench::new();
     let (wire, _) = open(&mut bench, RS4, None);
     let asked = |bench: &mut Bench<'_>, pdu: &[u8], loses| {
@@ -92,7 +92,7 @@ fn a_request_that_was_overtaken_is_sent_again_and_one_that_was_cut_off_is_not() 
 }
 
 #[test]
-fn text_that_did_not_go_out_is_said_again() {
+fn text_that_was_not_sent_is_sent_again() {
     const PRINTS: PortConfig = PortConfig::new("RS2")
         .mode(Mode::Sniffer)
         .framing(Framing::Text);

@@ -1,4 +1,5 @@
-//! A port with one place to wait, and more who want its line: what the port itself does waits as long as it has to.
+//! A port whose queue has one place, and more tasks than that: the work of the port itself waits as long as
+//! necessary.
 
 #[allow(dead_code, reason = "each test binary uses a part")]
 mod bench;
@@ -62,7 +63,7 @@ fn units(wire: &Wire) -> Vec<u8> {
 }
 
 #[test]
-fn a_line_is_set_up_anew_when_all_who_came_before_are_done() {
+fn settings_change_after_all_earlier_requests() {
     let mut bench = Bench::new();
     let (wire, port) = open(&mut bench);
     // One has the line, one the only place.
@@ -120,7 +121,7 @@ fn one_more_client_is_refused_at_once_and_the_others_go_on() {
 }
 
 #[test]
-fn who_waits_is_refused_when_the_port_is_no_master_any_more() {
+fn waiting_requests_are_refused_when_the_port_stops_being_master() {
     let mut bench = Bench::new();
     let (wire, port) = open(&mut bench);
     let ends = ask(&mut bench, port, &[21, 22]);
@@ -144,7 +145,7 @@ fn who_waits_is_refused_when_the_port_is_no_master_any_more() {
 
 /// A task that does nothing but ask lets the others run, which may make the port master again.
 #[test]
-fn who_asks_in_vain_again_and_again_lets_others_run() {
+fn a_task_that_retries_in_a_loop_lets_others_run() {
     let mut bench = Bench::new();
     let (_, port) = open(&mut bench);
     port.load_raw(Register::Mode, 2).unwrap();

@@ -1,4 +1,4 @@
-//! What STATUS, ERROR and DATAERR tell of a walk over a scan list or a table, whatever came behind the first failure.
+//! STATUS, ERROR and DATAERR after a scan list or a table of addresses: the first failure counts.
 
 #[allow(dead_code, reason = "each test binary uses a part")]
 mod bench;
@@ -121,7 +121,7 @@ fn refusal(unit: u8, code: u8) -> Does {
 }
 
 #[test]
-fn the_first_failure_of_a_walk_is_told_whatever_comes_behind_it() {
+fn the_first_failure_of_a_scan_is_reported_whatever_follows() {
     let mut bench = Bench::new();
     let list = ScanList::from_rows([4, 1000, 4], [0; 3], [1, 2, 3], [0, 1, 2]);
     let walked = Walked::open(&mut bench, list);
@@ -186,7 +186,7 @@ fn the_first_failure_of_a_walk_is_told_whatever_comes_behind_it() {
 const TABLE: [u16; 6] = [4, 5, 6, 1000, 1001, 63_023];
 
 #[test]
-fn a_walk_over_holes_ends_with_the_block_that_failed() {
+fn a_transfer_over_holes_ends_with_the_block_that_failed() {
     let blocks = [(4, 3), (1000, 2), (63_023, 1)];
     // Where each block's items stand.
     let places = [0..3, 3..5, 5..6];

@@ -1,6 +1,6 @@
 //! Managed ports as slaves, and what a change of mode or line means to whoever uses the port.
 //!
-//! Requests and answers are bytes of the standard, put together here and not by our own codec.
+//! Requests and answers are bytes of the standard, not made by the code under test.
 
 #[allow(dead_code, reason = "each test binary uses a part")]
 mod bench;
@@ -101,7 +101,7 @@ fn a_slave_serves_the_same_registers_under_its_rules() {
 }
 
 #[test]
-fn an_answer_goes_out_before_its_line_is_set_up_anew() {
+fn an_answer_is_sent_before_the_line_settings_change() {
     let mut bench = Bench::new();
     let (wire, rs4) = plain(&mut bench, RS4);
     wire.hear(Ok(vec![17, 3, 0, 4, 0, 1]));
@@ -119,7 +119,7 @@ fn an_answer_goes_out_before_its_line_is_set_up_anew() {
 }
 
 #[test]
-fn what_is_heard_while_the_line_is_set_up_is_nobody_s() {
+fn a_frame_received_during_a_change_of_settings_is_dropped() {
     let mut bench = Bench::new();
     let (wire, rs4) = plain(&mut bench, RS4);
     wire.configures.set(10);
@@ -143,7 +143,7 @@ fn what_is_heard_while_the_line_is_set_up_is_nobody_s() {
 }
 
 #[test]
-fn what_the_line_cannot_do_changes_nothing() {
+fn a_setting_that_the_line_does_not_support_changes_nothing() {
     let mut bench = Bench::new();
     let (wire, rs4) = plain(&mut bench, RS4);
     for (register, value, text) in [
@@ -254,7 +254,7 @@ fn a_client_waits_while_the_line_of_a_master_is_changed() {
 }
 
 #[test]
-fn a_client_may_have_the_times_that_the_registers_have_when_it_asks() {
+fn a_client_may_use_the_times_of_the_registers() {
     let mut bench = Bench::new();
     let (wire, rs4) = plain(&mut bench, RS4.client());
     let as_set = rs4.client_as_set();

@@ -1,4 +1,4 @@
-//! Several managed ports with one owner. Frames are bytes of the standard, put together here.
+//! A manager of several managed ports. Frames are bytes of the standard.
 
 #[allow(dead_code, reason = "each test binary uses a part")]
 mod bench;
@@ -131,7 +131,7 @@ fn each_port_has_registers_of_its_own() {
 }
 
 #[test]
-fn a_load_concerns_the_line_of_its_port_alone_and_the_others_go_on() {
+fn a_load_affects_only_the_line_of_its_port() {
     let mut bench = Bench::new();
     let (wires, manager) = open(&mut bench);
     wires[2].answered_by(|request| vec![(5, Ok(vec![request[0], 3, 2, 0x12, 0x34]))]);

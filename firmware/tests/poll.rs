@@ -1,4 +1,4 @@
-//! The scan list: periods, fairness, health, and cells that only a good answer fills.
+//! The poll list: periods, fairness, health, and cells that only a valid answer fills.
 
 mod desk;
 
@@ -67,7 +67,7 @@ fn entries_are_read_at_their_periods_and_fill_their_cells() {
 }
 
 #[test]
-fn a_list_that_asks_for_more_than_there_is_goes_round() {
+fn a_list_that_demands_more_than_the_bus_carries_takes_turns() {
     let scan = PollList::<3, 3>::new([
         PollEntry::holding_registers(1, 0, 1).period_ms(1),
         PollEntry::holding_registers(2, 0, 1).period_ms(5),
@@ -86,7 +86,7 @@ fn a_list_that_asks_for_more_than_there_is_goes_round() {
 }
 
 #[test]
-fn a_dead_unit_costs_time_and_no_burst_follows() {
+fn a_silent_unit_costs_time_and_no_burst_follows() {
     let scan = PollList::<2, 2>::new([
         PollEntry::holding_registers(1, 0, 1).period_ms(20),
         PollEntry::holding_registers(9, 0, 1).period_ms(500),
@@ -116,7 +116,7 @@ fn a_dead_unit_costs_time_and_no_burst_follows() {
 }
 
 #[test]
-fn each_kind_of_end_is_counted_and_bad_ones_leave_the_cells() {
+fn each_kind_of_result_is_counted_and_failures_leave_the_cells() {
     let scan = PollList::<1, 1>::new([PollEntry::holding_registers(17, 7, 1).period_ms(100)]);
     let scan = &scan;
     let answers = [

@@ -1,4 +1,4 @@
-//! What a scan list keeps of each entry, and its limits.
+//! The health of each entry of a poll list, and the limits of a list.
 
 mod desk;
 
@@ -162,7 +162,7 @@ fn each_table_is_read_into_cells_of_its_own() {
 }
 
 #[test]
-fn counts_stay_at_their_end() {
+fn counts_stop_at_their_maximum() {
     type Port = ManagedPort<TestLine, PortRegisters<Bank<1>, NoCoils, NoRules>>;
     const SLAVE: PortConfig = PortConfig::new("RS4");
     let scan = PollList::<1, 1>::new([PollEntry::holding_registers(17, 7, 1).period_ms(1)]);
@@ -184,7 +184,7 @@ fn counts_stay_at_their_end() {
 
 /// A list whose task is dropped while it waits for the line leaves its place to others.
 #[test]
-fn a_list_that_is_given_up_does_not_wait_any_more() {
+fn a_list_that_is_dropped_leaves_the_queue() {
     let scan = PollList::<1, 1>::new([PollEntry::holding_registers(17, 7, 1)]);
     let scan = &scan;
     let mut desk = Desk::<1>::new(|request| {
@@ -222,7 +222,7 @@ fn refused<R>(build: impl FnOnce() -> R) -> Option<String> {
 }
 
 #[test]
-fn an_entry_is_what_one_request_can_read() {
+fn an_entry_is_limited_to_one_request() {
     type Of = fn(u8, u16, u16) -> PollEntry;
     for (of, limit) in [
         (PollEntry::holding_registers as Of, 125),
@@ -271,7 +271,7 @@ fn an_entry_is_what_one_request_can_read() {
 }
 
 #[test]
-fn there_are_as_many_cells_as_are_read() {
+fn the_number_of_cells_is_that_of_the_items_read() {
     let entries = || {
         [
             PollEntry::coils(1, 0, 9),

@@ -1,4 +1,5 @@
-//! Every limit of a port's configuration from both sides, and where each value goes. The checks are those of the build, run here.
+//! Every limit of a port's configuration from both sides, and the use of each value. The checks are those of the
+//! build, run here.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -138,7 +139,7 @@ const NUMBERS: &[Number] = &[
 ];
 
 #[test]
-fn each_number_is_taken_up_to_its_limits_and_not_beyond() {
+fn each_value_is_accepted_up_to_its_limits_and_not_beyond() {
     for Number {
         set,
         get,
@@ -186,7 +187,7 @@ fn a_slave_has_a_unit_id_and_no_other_mode_needs_one() {
 }
 
 #[test]
-fn text_is_for_those_who_do_not_talk() {
+fn text_is_refused_for_master_and_slave() {
     for mode in [Mode::Master, Mode::Slave, Mode::Off, Mode::Sniffer] {
         for framing in [Framing::Rtu, Framing::Ascii, Framing::Text] {
             let talks = matches!(mode, Mode::Master | Mode::Slave);
@@ -275,7 +276,7 @@ fn full() -> PortConfig {
 }
 
 #[test]
-fn what_is_set_goes_to_the_line_and_to_the_client() {
+fn settings_reach_the_line_and_the_client() {
     let port = full();
     assert_eq!(port.name(), "AS2");
     assert_eq!(port.settings().line.duplex, Duplex::Full);
@@ -307,7 +308,7 @@ fn what_is_set_goes_to_the_line_and_to_the_client() {
 }
 
 #[test]
-fn what_is_not_set_is_the_standards() {
+fn defaults_are_those_of_the_standard() {
     let port = PortConfig::new("RS4");
     assert_eq!((port.name(), port.unit()), ("RS4", 1));
     assert_eq!(*port.settings(), PortSettings::DEFAULT);
@@ -321,7 +322,7 @@ fn what_is_not_set_is_the_standards() {
 }
 
 #[test]
-fn a_name_stands_in_a_table_once_wherever_it_is() {
+fn a_name_must_be_unique_in_a_table() {
     // Names of one length that differ in one place, and one that begins another.
     let names = ["AS1", "AS2", "RS2", "RS", "RS22"];
     let table = names.map(PortConfig::new);

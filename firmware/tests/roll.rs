@@ -1,4 +1,4 @@
-//! The roll on a host: the watchdog is fed when the last task has signed, and not before.
+//! The roll on the host: the last signature feeds the watchdog, and no earlier one.
 
 use std::future::{pending, ready};
 use std::pin::pin;
@@ -90,7 +90,7 @@ fn only_the_last_signature_feeds() {
 }
 
 #[test]
-fn while_something_else_is_stuck_nobody_is_asked() {
+fn the_roll_is_not_called_while_the_board_is_unhealthy() {
     dog!(Dog, true, FED, LIVES);
     static ROLL: Roll<Dog, 1> = Roll::new();
     let task = Arc::new(Task::default());
@@ -107,7 +107,7 @@ fn while_something_else_is_stuck_nobody_is_asked() {
 }
 
 #[test]
-fn an_empty_roll_is_fed_by_its_calls() {
+fn an_empty_roll_feeds_the_watchdog_when_called() {
     dog!(Dog, true, FED, LIVES);
     static ROLL: Roll<Dog, 0> = Roll::new();
     ROLL.call();
@@ -133,7 +133,7 @@ fn a_task_signs_when_it_is_polled_and_its_future_goes_on() {
 }
 
 #[test]
-fn a_watchdog_that_is_off_is_never_fed() {
+fn a_roll_without_watchdog_never_feeds() {
     dog!(Dog, false, FED, LIVES);
     static ROLL: Roll<Dog, 1> = Roll::new();
     ROLL.sign::<0>(Waker::noop());

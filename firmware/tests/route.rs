@@ -1,4 +1,4 @@
-//! Requests routed from one line to another; who asks and who answers are plain code here.
+//! Requests routed from one line to another; the test plays client and server.
 
 mod desk;
 
@@ -47,7 +47,7 @@ fn told(unit: u8, target: u8, address: u8) -> Vec<u8> {
 }
 
 #[test]
-fn a_request_goes_through_and_its_answer_comes_back() {
+fn a_request_is_routed_and_its_answer_returned() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let wire = client(&mut desk);
     for (unit, target) in [(2, 2), (4, 17), (3, 3)] {
@@ -82,7 +82,7 @@ fn others_units_and_broadcasts_are_not_routed() {
 }
 
 #[test]
-fn the_ports_own_unit_goes_before_its_routes() {
+fn the_ports_own_unit_takes_precedence_over_its_routes() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let through = desk.port.client(CONFIG);
     let (wire, port) = open(&mut desk, through);
@@ -105,7 +105,7 @@ fn the_ports_own_unit_goes_before_its_routes() {
 }
 
 #[test]
-fn what_was_asked_before_a_change_of_settings_is_not_answered_after_it() {
+fn a_request_before_a_change_of_settings_is_not_answered_after_it() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let through = desk.port.client(CONFIG);
     let (wire, port) = open(&mut desk, through);
@@ -126,7 +126,7 @@ fn what_was_asked_before_a_change_of_settings_is_not_answered_after_it() {
 }
 
 #[test]
-fn a_port_behind_that_is_no_master_is_no_path() {
+fn a_target_port_that_is_not_master_is_exception_0a() {
     const BEHIND: PortConfig = PortConfig::new("RS4").client();
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let far = desk.other();
@@ -157,7 +157,7 @@ fn a_port_behind_that_is_no_master_is_no_path() {
 }
 
 #[test]
-fn a_missing_unit_is_told_within_the_routes_timeout() {
+fn a_missing_unit_is_exception_0b_within_the_routes_timeout() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let wire = client(&mut desk);
     wire.comes(1, read(5, 7));
@@ -206,7 +206,7 @@ fn two_clients_take_turns_on_one_bus() {
 }
 
 #[test]
-fn whoever_asks_again_has_given_the_first_up() {
+fn a_new_request_replaces_the_pending_one() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let wire = client(&mut desk);
     // A frame begins when the one before has stood, and the answer would go out after the last of these.
@@ -221,7 +221,7 @@ fn whoever_asks_again_has_given_the_first_up() {
 }
 
 #[test]
-fn a_request_to_another_unit_means_the_same() {
+fn a_request_to_another_unit_replaces_the_pending_one_too() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let wire = client(&mut desk);
     wire.comes(1, read(2, 7));
@@ -232,7 +232,7 @@ fn a_request_to_another_unit_means_the_same() {
 }
 
 #[test]
-fn a_request_that_turns_out_void_is_not_asked() {
+fn a_void_request_is_not_routed() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let wire = client(&mut desk);
     wire.comes(1, Heard::Void(vec![2, 6, 0, 1, 0, 1]));
@@ -242,7 +242,7 @@ fn a_request_that_turns_out_void_is_not_asked() {
 }
 
 #[test]
-fn too_many_clients_are_told_that_there_is_no_path() {
+fn too_many_requests_are_exception_0a() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let clients = [client(&mut desk), client(&mut desk), client(&mut desk)];
     for wire in clients {
@@ -256,7 +256,7 @@ fn too_many_clients_are_told_that_there_is_no_path() {
 }
 
 #[test]
-fn a_bus_that_is_never_silent_is_no_path() {
+fn a_bus_that_is_never_silent_is_exception_0a() {
     let mut desk = Desk::<1>::new(bus(|_| DELAY));
     let wire = client(&mut desk);
     desk.wire.comes(1, Heard::Talk(10 * TIMEOUT));

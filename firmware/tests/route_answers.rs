@@ -1,4 +1,4 @@
-//! What comes back over a route: what is no answer is not passed on as one, and where there is none to come none is made.
+//! Answers over a route: only valid answers are passed on, and a request without an answer gets none.
 
 mod desk;
 
@@ -96,7 +96,7 @@ fn a_write_is_done_when_its_echo_is_right_in_every_byte() {
 }
 
 #[test]
-fn a_read_is_answered_with_as_much_as_it_asked_for() {
+fn a_read_is_answered_only_with_the_length_it_requested() {
     // Function, how many, and bytes of data.
     for (function, count, bytes) in [
         (1, 1, 1),
@@ -151,7 +151,7 @@ fn a_diagnostic_is_answered_with_its_sub_function() {
 }
 
 #[test]
-fn of_other_functions_the_route_knows_no_answer_and_passes_any_on() {
+fn answers_to_other_functions_are_passed_on_unchecked() {
     for (request, behind) in [
         (&[0x07][..], &[0x07, 0x6D][..]),
         // With no sub-function.
@@ -177,7 +177,7 @@ fn of_other_functions_the_route_knows_no_answer_and_passes_any_on() {
 }
 
 #[test]
-fn a_function_code_that_none_can_ask_with_is_refused_at_once() {
+fn a_function_code_above_127_is_refused_at_once() {
     for function in [0, 0x80, 0x83, 0xFF] {
         let mut desk = Desk::<1>::new(|_| vec![]);
         let through = desk.port.client(CONFIG);
@@ -190,7 +190,7 @@ fn a_function_code_that_none_can_ask_with_is_refused_at_once() {
 }
 
 #[test]
-fn what_is_no_answer_is_told_as_none() {
+fn a_frame_that_is_no_answer_is_exception_0b() {
     let request = [3, 0, 7, 0, 1];
     let right = [3, 2, 0x12, 0x34];
     let good = answer(&right);
@@ -248,7 +248,7 @@ const LISTEN_ONLY: [u8; 5] = [8, 0, 4, 0, 0];
 
 /// There is no answer to it (APP 6.8, sub-function 04), so none has failed to come.
 #[test]
-fn silence_after_force_listen_only_mode_is_as_it_is_to_be() {
+fn silence_after_force_listen_only_mode_is_no_exception() {
     let read = [3, 0, 7, 0, 1];
     let (mut desk, wire) = wired(|request| match request {
         [2, ..] => vec![(DELAY, Heard::Frame(vec![2, 3, 2, 0x12, 0x34]))],
@@ -268,7 +268,7 @@ fn silence_after_force_listen_only_mode_is_as_it_is_to_be() {
 }
 
 #[test]
-fn behind_force_listen_only_mode_the_bus_is_left_alone_for_the_turnaround() {
+fn after_force_listen_only_mode_the_turnaround_delay_passes() {
     let (mut desk, wire) = wired(|_| vec![]);
     wire.comes(1, Heard::Frame([&[4][..], &LISTEN_ONLY].concat()));
     wire.comes(SENDS + 8, Heard::Frame(vec![2, 3, 0, 7, 0, 1]));
@@ -279,7 +279,7 @@ fn behind_force_listen_only_mode_the_bus_is_left_alone_for_the_turnaround() {
 }
 
 #[test]
-fn a_unit_that_answers_force_listen_only_mode_all_the_same_is_not_passed_on() {
+fn an_answer_to_force_listen_only_mode_is_not_passed_on() {
     for answer in [&LISTEN_ONLY[..], &[0x88, 1]] {
         let heard = Heard::Frame([&[17], answer].concat());
         let (mut desk, wire) = wired(move |_| vec![(DELAY, heard.clone())]);
@@ -291,7 +291,7 @@ fn a_unit_that_answers_force_listen_only_mode_all_the_same_is_not_passed_on() {
 
 /// Only sub-function 04 as the standard has it: all else is answered, if only with an exception.
 #[test]
-fn silence_after_any_other_diagnostic_is_told() {
+fn silence_after_any_other_diagnostic_is_exception_0b() {
     for request in [
         &[8, 0, 4, 0, 1][..],
         &[8, 0, 4, 1, 0],

@@ -1,4 +1,4 @@
-//! A port that listens, and one that prints what it hears. Frames and lines of text are put together here.
+//! A port that listens, and one that prints the frames on it. Frames and lines of text are written out here.
 
 #[allow(dead_code, reason = "each test binary uses a part")]
 mod bench;
@@ -62,7 +62,7 @@ fn text(wire: &Wire) -> String {
     String::from_utf8(wire.sent().concat()).unwrap()
 }
 
-/// The same without times.
+/// The printed lines without their times.
 fn lines(wire: &Wire) -> Vec<String> {
     let text = text(wire);
     let lines = text.split_terminator("\r\n");
@@ -110,7 +110,7 @@ fn requests_answers_and_damaged_frames_are_printed_with_their_times() {
 }
 
 #[test]
-fn the_longest_frame_goes_out_in_pieces_and_whole() {
+fn the_longest_frame_is_printed_whole_in_pieces() {
     let mut bench = Bench::new();
     let setup = setup(&mut bench);
     // Lines of all lengths, those among them that leave one character for the last piece.
@@ -125,7 +125,7 @@ fn the_longest_frame_goes_out_in_pieces_and_whole() {
 }
 
 #[test]
-fn what_finds_no_room_is_counted_and_the_rest_is_whole() {
+fn frames_without_room_are_counted_and_the_others_kept_whole() {
     let mut bench = Bench::new();
     let setup = setup(&mut bench);
     for place in 0..100 {
@@ -173,7 +173,7 @@ fn text_that_was_not_sent_is_printed_again() {
 }
 
 #[test]
-fn a_master_shows_what_it_asks_and_what_it_hears() {
+fn a_master_shows_its_requests_and_the_frames_it_receives() {
     let mut bench = Bench::new();
     let setup = setup(&mut bench);
     setup.rs4.load_raw(Register::Mode, 0).unwrap();
@@ -202,7 +202,7 @@ fn a_master_shows_what_it_asks_and_what_it_hears() {
 }
 
 #[test]
-fn a_port_that_prints_follows_what_is_loaded() {
+fn a_port_that_prints_follows_loads() {
     let mut bench = Bench::new();
     let setup = setup(&mut bench);
     for round in 0..20 {
@@ -231,7 +231,7 @@ fn a_port_that_prints_follows_what_is_loaded() {
 }
 
 #[test]
-fn the_application_may_take_them_itself() {
+fn the_application_may_read_the_capture_itself() {
     let mut bench = Bench::new();
     let setup = setup(&mut bench);
     setup.rs2.load_raw(Register::Mode, 2).unwrap();

@@ -1,6 +1,6 @@
-//! The receive and the serve task on the host, over a line whose every moment the test decides.
+//! The receive and the serve task on the host, over a line that the test drives moment by moment.
 //!
-//! Requests and answers are bytes of the standard and of spec examples, not made by our own codec.
+//! Requests and answers are bytes of the standard and of its examples, not made by the code under test.
 
 use std::cell::{Cell, RefCell};
 use std::future::Future;
@@ -24,7 +24,7 @@ struct Wire {
     released: Cell<u8>,
     /// What was released went out.
     whole: Cell<bool>,
-    /// So many times somebody else begins to talk first.
+    /// The number of times that another station begins to talk first.
     overtaken: Cell<usize>,
     /// The line says that what did not go out was cut off.
     cut: Cell<bool>,
@@ -300,7 +300,7 @@ fn other_units_frames_and_damaged_ones_are_given_back_unanswered() {
 
 /// Not first when the task that serves comes to it: what answers them may come meanwhile.
 #[test]
-fn other_units_frames_are_not_handed_on() {
+fn other_units_frames_are_not_passed_on() {
     let mut bench = Bench::new();
     let mut context = Context::from_waker(Waker::noop());
     for (unit, is_ours) in [
@@ -322,7 +322,7 @@ fn other_units_frames_are_not_handed_on() {
 
 /// Of two answers that did not go out the one is missing that was cut off, and not one that somebody else has overtaken.
 #[test]
-fn an_answer_that_was_cut_off_is_one_that_is_missing() {
+fn an_answer_that_was_cut_off_counts_as_no_response() {
     const PORT: PortConfig = PortConfig::new("TEST").slave_id(17);
     let wire: &'static Wire = Box::leak(Box::default());
     let port: &'static ServerPort<TestLine, Counted<8>> =
@@ -381,7 +381,7 @@ fn transmit(wire: &'static Wire, bytes: &[u8]) -> Result<(), TransmitError> {
 }
 
 #[test]
-fn what_cannot_be_a_frame_is_not_transmitted() {
+fn a_frame_of_an_invalid_length_is_not_transmitted() {
     let wire: &'static Wire = Box::leak(Box::default());
     for len in [0, 1, 255, 256, 300] {
         let result = transmit(wire, &vec![7; len]);
@@ -395,7 +395,7 @@ fn what_cannot_be_a_frame_is_not_transmitted() {
 }
 
 #[test]
-fn whoever_is_overtaken_tries_again_until_it_is_sent() {
+fn a_request_overtaken_by_traffic_is_tried_until_it_is_sent() {
     let wire: &'static Wire = Box::leak(Box::default());
     wire.overtaken.set(3);
     assert_eq!(transmit(wire, &[1, 2, 3]), Ok(()));

@@ -9,8 +9,8 @@ use multidrop_protocol::exception::Exception;
 use crate::input::Input;
 use multidrop_testkit::reference_client::{Ask, Verdict};
 
-/// Which request, and to which unit; then what is heard, each a byte that says how it is made of the right answer,
-/// and some for what it is made of.
+/// Takes the number of a request and a unit id, then frames, each as a byte that tells how it is made of the right
+/// answer, and some bytes to make it of.
 pub fn client_answers(data: &[u8]) {
     let mut input = Input(data);
     let ask = ask(&mut input);

@@ -18,7 +18,7 @@ impl<'a> Input<'a> {
         }
     }
 
-    /// So many, or what is left.
+    /// Up to `count` bytes, fewer at the end of the input.
     pub fn bytes(&mut self, count: usize) -> &'a [u8] {
         let (taken, rest) = self.0.split_at(count.min(self.0.len()));
         self.0 = rest;

@@ -28,7 +28,7 @@ pub enum Request {
 }
 
 impl Request {
-    /// Both.
+    /// Both kinds of requests.
     pub const ALL: [Request; 2] = [Request::Read, Request::Write];
 
     /// As in the other figures.

@@ -55,12 +55,12 @@ struct Measure {
     check: bool,
 }
 
-/// Whose server.
+/// The server that is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Side {
-    /// This project's
+    /// This project's server
     Ours,
-    /// rmodbus's
+    /// The server of rmodbus
     Rmodbus,
 }
 

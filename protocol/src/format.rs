@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_say_what_the_bits_are() {
+    fn names_match_the_bits() {
         for format in LineFormat::ALL {
             let name = format.name().as_bytes();
             assert_eq!(LineFormat::from_name(format.name()), Some(format));

@@ -91,7 +91,7 @@ pub struct Intervals {
     pub to_complete: u32,
     /// From the judgement of a frame to t3.5.
     pub to_start: u32,
-    /// One character.
+    /// The time of one character.
     pub character: u32,
     /// t3.5, or the gap that ends a frame in its place, from the moment in which a character is taken.
     pub t3_5: u32,

@@ -1,4 +1,4 @@
-//! ASCII frames whole and character by character. What is expected is text from the standard, or put together by the plain
+//! ASCII frames, whole and character by character. The expected text is from the standard, or made by the plain
 //! reading of the harness.
 
 use multidrop_protocol::ascii::{
@@ -65,7 +65,7 @@ fn any_delimiter_serves_both_ways() {
 }
 
 #[test]
-fn what_is_wrong_with_a_frame_is_named() {
+fn each_error_of_a_frame_is_reported() {
     let too_long = framed(&[7; 255]);
     let (length, check, character) = (
         ReceiveErrors::LENGTH,
@@ -100,7 +100,7 @@ fn what_is_wrong_with_a_frame_is_named() {
 }
 
 #[test]
-fn no_text_of_any_kind_does_more_than_fail() {
+fn any_text_is_decoded_without_a_panic() {
     let mut random = Random::new(3);
     let alphabet = b"0123456789ABCDEFabcdef:\r\n\0\xFF ";
     for _ in 0..20_000 {
@@ -114,7 +114,7 @@ fn no_text_of_any_kind_does_more_than_fail() {
 }
 
 #[test]
-fn a_flaw_of_the_line_stays_and_stops_the_bytes() {
+fn an_error_of_the_line_stays_and_stops_the_bytes() {
     for at in 0..16 {
         let mut reception = Reception::new(DELIMITER);
         for (index, &character) in TEXT[1..].iter().enumerate() {
@@ -131,7 +131,7 @@ fn a_flaw_of_the_line_stays_and_stops_the_bytes() {
 }
 
 #[test]
-fn nothing_more_comes_of_a_transmission_that_is_over() {
+fn a_finished_transmission_gives_no_more_characters() {
     let mut transmission = Transmission::new();
     assert!(transmission.is_over());
     assert_eq!(transmission.next(0), None);

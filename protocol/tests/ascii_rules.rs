@@ -73,7 +73,7 @@ fn a_request_is_answered_at_t3_5_and_a_write_done_before() {
 }
 
 #[test]
-fn characters_may_be_a_second_apart_and_half_a_bit_but_no_more() {
+fn a_gap_of_more_than_a_second_voids_the_frame() {
     for at in 1..read().len() {
         for (gap, good) in [
             (SECOND - 1, 1),
@@ -120,7 +120,7 @@ fn any_character_damaged_in_any_way_spoils_one_frame_and_no_other() {
 }
 
 #[test]
-fn a_colon_begins_anew_wherever_it_comes_and_what_was_before_is_no_frame() {
+fn a_colon_begins_a_new_frame_anywhere() {
     for at in 0..read().len() - 1 {
         let chars = frame(9, &[&read()[..at], &write(1)[..]].concat());
         let seen = play(&[0], &[polite(chars)]);
@@ -141,7 +141,7 @@ fn lower_case_is_read_and_upper_case_sent() {
 }
 
 #[test]
-fn what_is_outside_of_a_frame_counts_nowhere_and_puts_an_answer_off() {
+fn characters_outside_of_a_frame_are_not_counted_and_delay_the_answer() {
     for noise in [&b"\n"[..], b"0123\r\n", b"\0\xFF\r\r"] {
         for gap in [0, 99, 349, 350] {
             let ops = [at_once(frame(9, &read())), at_once(frame(gap, noise))];
@@ -154,7 +154,7 @@ fn what_is_outside_of_a_frame_counts_nowhere_and_puts_an_answer_off() {
 }
 
 #[test]
-fn whoever_asks_anew_before_t3_5_takes_the_answer_back_and_is_heard() {
+fn a_new_request_before_t3_5_withdraws_the_answer_and_is_received() {
     for gap in [0, 1, 349, 350] {
         let ops = [at_once(frame(9, &write(4))), at_once(frame(gap, &write(5)))];
         assert_eq!(counts(play(&[25], &ops)), (2, 0, 1, 2), "{gap}");
@@ -162,7 +162,7 @@ fn whoever_asks_anew_before_t3_5_takes_the_answer_back_and_is_heard() {
 }
 
 #[test]
-fn neighbours_may_follow_each_other_without_any_silence() {
+fn frames_of_neighbours_may_follow_without_silence() {
     let other = framed(&[5, 3, 0, 0, 0, 1]);
     let ops: Vec<Op> = (0..9).map(|_| at_once(frame(0, &other))).collect();
     assert_eq!(counts(play(&[25], &ops)), (9, 0, 0, 0));
@@ -192,7 +192,7 @@ fn the_longest_frames_and_one_byte_more() {
 }
 
 #[test]
-fn a_frame_that_comes_while_a_slow_task_has_the_buffer_is_told_as_damaged() {
+fn a_frame_without_a_free_buffer_is_reported_as_damaged() {
     let other = framed(&[5, 3, 0, 0, 0, 1]);
     let ops = [at_once(frame(9, &read())), at_once(frame(0, &other))];
     // Counted by the judge: each frame is fetched, or told as damaged.
@@ -201,7 +201,7 @@ fn a_frame_that_comes_while_a_slow_task_has_the_buffer_is_told_as_damaged() {
 }
 
 #[test]
-fn a_slow_task_answers_as_soon_as_it_can_while_nobody_asks_anew() {
+fn a_slow_task_answers_late_unless_a_new_request_comes() {
     for latency in [200, 1000, 100_000] {
         for noise in [&b""[..], b"\r\n"] {
             let ops = [polite(frame(9, &write(3))), at_once(frame(360, noise))];
@@ -212,7 +212,7 @@ fn a_slow_task_answers_as_soon_as_it_can_while_nobody_asks_anew() {
 }
 
 #[test]
-fn an_edge_without_a_character_costs_an_answer_the_time_of_one() {
+fn an_edge_without_a_character_delays_the_answer_by_one_character() {
     let end = 9 + read().len() as u64 * CHARACTER;
     for after in (1..350).step_by(7) {
         let ops = [Op::Glitch(end + after), at_once(frame(9, &read()))];
@@ -222,7 +222,7 @@ fn an_edge_without_a_character_costs_an_answer_the_time_of_one() {
 }
 
 #[test]
-fn a_line_set_up_anew_and_a_task_dropped_at_any_tick_leave_a_line_that_works() {
+fn the_line_works_after_new_settings_or_a_dropped_task_at_any_tick() {
     for after in (0..50 * CHARACTER).step_by(3) {
         for op in [Op::Reset(after), Op::Cancel(after)] {
             play(

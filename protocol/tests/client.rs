@@ -1,4 +1,4 @@
-//! Requests and answers of the client: the examples of the standard, byte for byte, and every way to miss them.
+//! Requests and answers of the client: the examples of the standard, byte for byte, and every deviation from them.
 
 mod client_examples;
 
@@ -32,7 +32,7 @@ fn requests_are_those_of_the_standard() {
 }
 
 #[test]
-fn the_right_answer_is_taken_and_nothing_near_it() {
+fn only_the_right_answer_is_accepted() {
     for (ask, request, answer) in examples() {
         let function = request[1];
         let judged = |answer: &[u8]| ask.request(|it| judge(it, UNIT, function, answer));
@@ -84,7 +84,7 @@ fn the_right_answer_is_taken_and_nothing_near_it() {
 }
 
 #[test]
-fn only_what_writes_goes_to_all_and_is_not_waited_for() {
+fn only_writes_are_broadcast_and_have_no_answer_then() {
     for (ask, request, _) in examples() {
         let mut adu = [0; 256];
         let encoded = ask.request(|it| encode(it, 0, &mut adu));
@@ -255,7 +255,7 @@ fn limits_are_kept_at_both_ends() {
 }
 
 #[test]
-fn errors_say_what_would_be_right() {
+fn errors_name_the_accepted_values() {
     for (ask, unit, text) in [
         (
             Ask::Write {
@@ -300,7 +300,7 @@ fn errors_say_what_would_be_right() {
 }
 
 #[test]
-fn what_is_in_an_answer_is_read_from_its_frame() {
+fn the_data_of_an_answer_is_read_from_its_frame() {
     let answer_to = |function: u8| {
         let mut examples = examples().into_iter();
         examples

@@ -1,4 +1,4 @@
-//! What may be asked while answers are owed, what ends a wait, what is tried again: without a clock.
+//! Late answers without a clock: the requests that must wait for them, the end of a wait, and retries.
 
 use multidrop_protocol::client::{AnswerError, Asking, Event, Failure, LateAnswers, Moment, Next};
 use multidrop_protocol::exception::Exception;
@@ -34,7 +34,7 @@ fn answer(unit: u8, function: u8) -> [u8; 4] {
 
 /// At any time of a clock that wraps.
 #[test]
-fn the_same_unit_and_function_wait_for_the_guard_and_others_do_not() {
+fn only_requests_with_that_unit_and_function_wait_for_the_guard_time() {
     for begin in [
         0,
         1,
@@ -67,7 +67,7 @@ fn the_same_unit_and_function_wait_for_the_guard_and_others_do_not() {
 
 /// Nobody asks for so long that the clock goes round: no request waits for longer than it would have had to.
 #[test]
-fn a_late_answer_that_is_long_over_holds_nobody_up() {
+fn an_expired_late_answer_delays_no_request() {
     let mut late_answers = LateAnswers::new();
     in_vain(&mut late_answers, 17, 3, 0);
     let mut waits = 0;
@@ -83,7 +83,7 @@ fn a_late_answer_that_is_long_over_holds_nobody_up() {
 }
 
 #[test]
-fn only_the_answer_itself_or_its_exception_ends_it() {
+fn only_the_late_answer_or_its_exception_ends_the_guard_time() {
     for (frame, ends) in [
         (&[17, 3, 2, 0, 0][..], true),
         (&[17, 0x83, 2], true),
@@ -121,7 +121,7 @@ fn only_the_answer_itself_or_its_exception_ends_it() {
 }
 
 #[test]
-fn where_four_owe_everybody_waits_for_the_first_of_them() {
+fn with_four_late_answers_all_other_requests_wait_for_the_first() {
     let mut late_answers = LateAnswers::new();
     for unit in 1..=4 {
         let late = Moment {
@@ -172,7 +172,7 @@ fn an_answer_to_each_try_is_expected_before_another_request() {
 
 /// What it owes is another request's by then.
 #[test]
-fn a_retry_waits_for_what_others_are_owed() {
+fn a_retry_waits_for_late_answers_to_other_requests() {
     let mut late_answers = LateAnswers::new();
     let mut first = Asking::new(17, 1);
     first.sent(&mut late_answers, 3, &at(0));
@@ -226,7 +226,7 @@ fn exception_05_extends_the_wait_once_and_06_is_tried_later() {
 }
 
 #[test]
-fn what_is_heard_out_is_the_last() {
+fn the_frame_received_at_the_deadline_is_the_last() {
     let other = Event::Frame(&[18, 3, 2, 0, 0], Err(AnswerError::Unit(18)));
     let mut late_answers = LateAnswers::new();
     let mut asking = Asking::new(17, 0);
@@ -239,7 +239,7 @@ fn what_is_heard_out_is_the_last() {
 }
 
 #[test]
-fn one_that_is_given_up_keeps_the_line_until_it_is_answered_or_its_time_is_over() {
+fn a_request_given_up_keeps_the_line_until_its_answer_or_timeout() {
     let mut late_answers = LateAnswers::new();
     let asked = |late_answers: &mut LateAnswers| {
         let mut asking = Asking::new(17, 0);

@@ -1,4 +1,4 @@
-//! Any request, any answer: what is sent and what is taken is what a plain reading of the standard says.
+//! Random requests and answers: what is sent and accepted equals a plain reading of the standard.
 
 use multidrop_protocol::client::{AnswerError, FileRange, encode, judge};
 use multidrop_protocol::exception::Exception;

@@ -1,5 +1,5 @@
-//! Counters, event log and listen-only mode of a server, where they go round, are cleared, or run full (APP 6.8 to 6.10; SER
-//! appendix A).
+//! Counters, event log and listen-only mode of a server, when they wrap, are cleared, or are full (APP 6.8 to 6.10;
+//! SER appendix A).
 
 mod common;
 
@@ -147,7 +147,7 @@ fn an_overrun_is_counted_beside_the_error_and_cleared_by_itself() {
 }
 
 #[test]
-fn fetching_the_events_is_none_and_refusals_are_none() {
+fn reading_the_events_and_exceptions_do_not_count_as_events() {
     let mut unit = Unit::new();
     unit.pdu(&READ);
     for _ in 0..3 {
@@ -204,7 +204,7 @@ fn the_log_keeps_the_last_64_in_order_wherever_it_begins() {
 }
 
 #[test]
-fn a_refused_broadcast_is_an_exception_that_nobody_heard() {
+fn a_refused_broadcast_is_counted_as_an_exception() {
     let mut unit = Unit::new();
     assert!(unit.ask(&[0, 5, 0, LOCKED as u8, 0, 0]).is_empty());
     assert_eq!(unit.counter(0x0D), 1);
@@ -218,7 +218,7 @@ fn a_refused_broadcast_is_an_exception_that_nobody_heard() {
 }
 
 #[test]
-fn listening_only_ends_by_a_restart_and_by_nothing_else() {
+fn only_a_restart_ends_listen_only_mode() {
     let mut unit = Unit::new();
     assert!(unit.ask(&[UNIT, 8, 0, 4, 0, 0]).is_empty());
     assert!(unit.server.diagnostics().listens_only());

@@ -1,4 +1,4 @@
-//! Faults that other servers have been found with.
+//! Faults that were found in other servers.
 
 mod common;
 
@@ -28,7 +28,7 @@ fn a_bad_crc_is_never_answered() {
 }
 
 #[test]
-fn only_the_own_unit_is_answered_and_only_0_is_broadcast() {
+fn only_the_servers_unit_id_is_answered_and_only_0_is_broadcast() {
     for unit in (0..=255).filter(|unit| *unit != UNIT) {
         let mut tables = Tables::new();
         assert_eq!(ask(&mut tables, &words(unit, 6, 0, 0x1234)), None);
@@ -87,7 +87,7 @@ fn one_wrong_value_keeps_all_from_being_written() {
 }
 
 #[test]
-fn a_write_that_fails_is_told() {
+fn a_write_that_fails_is_exception_04() {
     let mut tables = Tables::new();
     tables.broken = true;
     for request in [
@@ -118,7 +118,7 @@ impl DataModel for Liar {
 }
 
 #[test]
-fn an_answer_that_may_be_on_its_way_is_not_touched() {
+fn an_answer_that_is_being_sent_is_not_changed() {
     let server = Server::new(UNIT);
     let mut frame: Adu = [0; 256];
     frame[..6].copy_from_slice(&words(UNIT, 6, 0, 1));
@@ -130,7 +130,7 @@ fn an_answer_that_may_be_on_its_way_is_not_touched() {
 }
 
 #[test]
-fn what_a_model_leaves_out_does_not_exist() {
+fn tables_that_a_model_leaves_out_do_not_exist() {
     struct Nothing;
     impl DataModel for Nothing {}
     let server = Server::new(UNIT);
@@ -153,7 +153,7 @@ fn what_a_model_leaves_out_does_not_exist() {
 }
 
 #[test]
-fn what_a_model_does_not_set_is_zero() {
+fn values_that_a_model_does_not_set_are_zero() {
     struct Lazy;
     impl DataModel for Lazy {
         fn coils(&mut self, _: u16, _: CoilsOut<'_>) -> Result<(), Exception> {

@@ -371,7 +371,7 @@ fn the_byte_count_is_that_of_the_frame() {
 }
 
 #[test]
-fn a_write_that_fails_is_told() {
+fn a_write_that_fails_is_exception_04() {
     let mut files = Files::new();
     files.broken = true;
     let write = request(0x15, &[Group::write(SMALL, 1, &[9])]);

@@ -1,5 +1,4 @@
-//! What a server is asked beside its tables: its state and id, functions of the application, and what a model without an answer
-//! of its own says.
+//! Requests beside the tables: status and id, functions of the application, and the defaults of a model.
 
 mod common;
 
@@ -157,7 +156,7 @@ fn a_model_without_an_answer_has_no_such_address() {
 }
 
 #[test]
-fn what_a_model_lets_through_and_does_not_write_has_failed() {
+fn a_write_that_a_model_accepts_and_does_not_do_is_exception_04() {
     /// Checks and never writes.
     #[derive(Clone, PartialEq)]
     struct Checks;
@@ -185,7 +184,7 @@ fn what_a_model_lets_through_and_does_not_write_has_failed() {
 }
 
 #[test]
-fn the_read_part_of_a_read_and_write_is_looked_at_whole() {
+fn the_read_part_of_fc_17_is_checked_whole() {
     /// Takes every write, has so many registers.
     #[derive(Clone, PartialEq)]
     struct Written(u32);
@@ -271,7 +270,7 @@ fn a_function_is_broadcast_where_its_row_says_so() {
 }
 
 #[test]
-fn a_function_for_all_others_takes_what_has_no_row() {
+fn the_default_function_gets_codes_without_a_row() {
     #[derive(Clone, PartialEq)]
     struct Other(Vec<Vec<u8>>);
     fn other(model: &mut Other, pdu: &mut [u8], len: usize) -> Result<usize, Exception> {
@@ -327,7 +326,7 @@ fn functions_are_chosen_one_by_one() {
 }
 
 #[test]
-fn what_may_go_out_before_it_is_done_has_its_length() {
+fn an_answer_that_may_be_sent_at_once_has_its_length() {
     struct Sure;
     impl DataModel for Sure {
         const WRITES_MAY_FAIL: bool = false;

@@ -1,4 +1,4 @@
-//! The table of the port registers in the guide: what it says of numbers, defaults and ranges is what the code does.
+//! The table of the port registers in the guide: numbers, defaults and ranges are those of the code.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -93,7 +93,7 @@ fn the_table_of_the_guide_has_each_register_with_its_number_and_its_default() {
 }
 
 #[test]
-fn a_range_in_the_table_of_the_guide_is_what_the_register_takes() {
+fn the_ranges_in_the_guide_are_those_of_the_registers() {
     let table = table();
     let mut ranges = 0;
     for register in registers() {

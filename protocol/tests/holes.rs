@@ -1,5 +1,5 @@
-//! Blocks over the holes of a table of addresses, and what is checked of a read and write in one: each part, and again when the
-//! frame stands.
+//! Blocks over the holes of a table of addresses, and the checks of a read and write in one request: of each part,
+//! and again when the frame stands.
 
 use multidrop_protocol::Adu;
 use multidrop_protocol::data::{Registers, RegistersOut};
@@ -148,7 +148,7 @@ fn the_read_part_is_checked_before_anything_is_written() {
 }
 
 #[test]
-fn a_flag_that_is_set_before_the_frame_stands_keeps_the_register() {
+fn a_flag_set_before_the_frame_stands_protects_the_register() {
     for pdu in [
         read_write((4, 1), 5, &[1]),
         read_write((4, 1), 5, &[1, 2]),
@@ -174,7 +174,7 @@ fn a_flag_that_is_set_before_the_frame_stands_keeps_the_register() {
 }
 
 #[test]
-fn a_mask_binds_what_is_there_when_the_frame_stands() {
+fn a_mask_applies_to_the_value_when_the_frame_stands() {
     let port = &mut slave();
     // With bit 7 set 103 becomes 231 and 120 becomes 248, which are out of 100..=200; 0 becomes 128.
     let mask = words(0x16, &[7, 0xFF7F, 0x80]);

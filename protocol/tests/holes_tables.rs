@@ -1,5 +1,5 @@
-//! Tables of addresses with holes, behind every function that reads or writes a block: what is there is there whole, and no
-//! item is taken for its neighbour's.
+//! Tables of addresses with holes, with every function that reads or writes a block: a block exists whole or not at
+//! all, and no item is taken for its neighbour.
 
 use std::collections::BTreeMap;
 
@@ -166,7 +166,7 @@ impl<R: Items<Item = u16> + 'static> Pair<R> {
         self.is_as_it_is_to_be();
     }
 
-    /// Function 16.
+    /// Sends function 16.
     fn masks(&mut self, address: u16, and: u16, or: u16) {
         let request = words(0x16, &[address, and, or]);
         let told = self.ask(&request);

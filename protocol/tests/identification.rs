@@ -1,4 +1,4 @@
-//! Read Device Identification (APP 6.21) of devices that tell more and less of themselves, and more than fits an answer.
+//! Read Device Identification (APP 6.21) of devices with few and many objects, and with more than fit in an answer.
 
 use multidrop_protocol::Adu;
 use multidrop_protocol::data::BytesOut;
@@ -62,7 +62,7 @@ fn of_3(ids: impl IntoIterator<Item = u8>) -> Vec<(u8, usize)> {
 }
 
 #[test]
-fn each_level_tells_its_own_objects_and_no_others() {
+fn each_level_has_its_own_objects_only() {
     for object in [0, 3, 7, 0x80, 0xFF] {
         assert_eq!(told(Basic, 1, object), ([0x81, 0, 0], of_3(0..=2)));
         assert_eq!(told(Basic, 2, object), ([0x81, 0, 0], of_3(0..=2)));
@@ -93,7 +93,7 @@ fn a_stream_begins_where_it_is_asked_to_or_at_the_beginning() {
 }
 
 #[test]
-fn one_object_is_told_whatever_its_level() {
+fn an_object_of_any_level_can_be_read_individually() {
     for id in [0, 2, 6, 7, 0x7F, 0x80, 0xFF] {
         assert_eq!(told(Extended, 4, id), ([0x83, 0, 0], of_3([id])));
     }
@@ -105,7 +105,7 @@ fn one_object_is_told_whatever_its_level() {
 }
 
 #[test]
-fn what_does_not_fit_follows_in_the_next_answer() {
+fn objects_that_do_not_fit_follow_in_the_next_answer() {
     let long = |ids: &[u8]| ids.iter().map(|id| (*id, 100)).collect::<Vec<_>>();
     assert_eq!(told(Long, 1, 0), ([0x83, 0xFF, 2], long(&[0, 1])));
     assert_eq!(told(Long, 1, 2), ([0x83, 0, 0], long(&[2])));

@@ -1,4 +1,4 @@
-//! The intervals of a line in ticks, for the chips that there are and at the ends of what can be set.
+//! The intervals of a line in ticks, for all chips and at the limits of the settings.
 
 use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::line::{LineConfig, Role};
@@ -78,7 +78,7 @@ fn a_gap_in_ms_takes_the_place_of_a_shorter_t3_5_only() {
 }
 
 #[test]
-fn what_interrupts_take_is_taken_off() {
+fn the_time_of_interrupts_is_subtracted() {
     let made = Intervals::new(&CONFIG, &NANO);
     assert_eq!(made.to_complete, 1_500 + 23 - 6);
     assert_eq!(made.t3_5, 3_500 + 23 - 6);

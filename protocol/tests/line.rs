@@ -49,7 +49,7 @@ fn four_to_256_bytes_are_a_frame() {
 }
 
 #[test]
-fn a_flaw_of_the_line_stays_until_the_restart() {
+fn an_error_of_the_line_stays_until_the_restart() {
     let all = [
         ReceiveErrors::GAP,
         ReceiveErrors::PARITY,
@@ -89,7 +89,7 @@ fn a_flaw_of_the_line_stays_until_the_restart() {
 }
 
 #[test]
-fn flaws_add_up() {
+fn errors_accumulate() {
     let two = ReceiveErrors::GAP | ReceiveErrors::CHECK;
     assert!(
         two.contains(ReceiveErrors::GAP)
@@ -101,7 +101,7 @@ fn flaws_add_up() {
 }
 
 #[test]
-fn looking_at_an_unfinished_frame_does_not_disturb_it() {
+fn finishing_an_unfinished_frame_does_not_change_it() {
     let bytes = run_of(256);
     let mut adu: Adu = [0; 256];
     let mut reception = Reception::new();

@@ -1,4 +1,4 @@
-//! What an ASCII line does with characters that nobody waits for, and whom it wakes.
+//! Characters on an ASCII line that no task waits for, and the tasks that are woken.
 
 mod driver;
 
@@ -16,7 +16,7 @@ fn hear(line: &mut Line, characters: &[u8]) {
 }
 
 #[test]
-fn what_comes_while_it_sends_is_not_heard() {
+fn characters_during_a_transmission_are_not_received() {
     let mut line = Line::ascii();
     hear(&mut line, &REQUEST);
     assert_eq!(line.machine.fetch(), Some(Ok(2)));
@@ -40,7 +40,7 @@ fn what_comes_while_it_sends_is_not_heard() {
 }
 
 #[test]
-fn who_waits_for_silence_is_woken_by_damage_and_not_by_a_digit() {
+fn a_wait_for_silence_is_woken_by_a_damaged_frame_and_not_by_a_digit() {
     let mut line = Line::ascii();
     hear(&mut line, b":1");
     assert_eq!(line.machine.quiet(&mut line.driver), None);

@@ -1,4 +1,4 @@
-//! Damaged frames are told, each of them once: counters of the standard hang on it.
+//! Each damaged frame is reported once, since the counters of the standard depend on it.
 
 use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_testkit::harness::book::framed;
@@ -66,7 +66,7 @@ fn fetch_all(bus: &mut Bus) -> Vec<Option<ReceiveErrors>> {
 }
 
 #[test]
-fn a_late_character_is_told_as_a_gap_wherever_it_comes() {
+fn a_late_character_is_reported_as_a_gap_anywhere() {
     for sees_start_bits in [true, false] {
         for at in 1..request().len() {
             for gap in [T1_5 + 1, 2 * CHARACTER, T3_5 - 2] {
@@ -126,7 +126,7 @@ fn a_character_behind_a_good_frame_is_a_gap_and_nothing_else() {
 }
 
 #[test]
-fn frames_damaged_before_anybody_fetches_are_told_one_by_one_with_the_flaws_of_all() {
+fn damaged_frames_not_yet_read_are_reported_one_by_one_with_all_errors() {
     for count in [1, 2, 3, 254, 255] {
         let mut bus = bus(true);
         for _ in 1..count {
@@ -144,7 +144,7 @@ fn frames_damaged_before_anybody_fetches_are_told_one_by_one_with_the_flaws_of_a
 }
 
 #[test]
-fn more_than_255_are_255() {
+fn the_count_of_damaged_frames_stops_at_255() {
     let mut bus = bus(true);
     for _ in 0..300 {
         say(&mut bus, &wrong_crc(), None);
@@ -154,7 +154,7 @@ fn more_than_255_are_255() {
 
 /// One that asks how many there were counts those before it.
 #[test]
-fn damaged_frames_are_told_before_a_good_one() {
+fn damaged_frames_are_reported_before_a_good_one() {
     let mut bus = bus(true);
     say(&mut bus, &wrong_crc(), None);
     say(&mut bus, &wrong_crc(), None);
@@ -164,7 +164,7 @@ fn damaged_frames_are_told_before_a_good_one() {
 }
 
 #[test]
-fn a_frame_that_comes_while_the_buffer_is_lent_is_told_as_lost() {
+fn a_frame_received_while_the_buffer_is_lent_is_reported_as_lost() {
     let mut bus = bus(true);
     say(&mut bus, &request(), None);
     assert_eq!(bus.fetch(), Some(Ok(6)));

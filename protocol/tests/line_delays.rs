@@ -1,5 +1,5 @@
-//! What only some drivers have: a delay before an answer, DE up before its first character, a bound on the time for which the
-//! line sends, and text. And what a line tells who waits for silence.
+//! Features of some drivers: a delay before an answer, DE before the first character, a limit on the time of a
+//! transmission, and text. And the events for a task that waits for silence.
 
 mod driver;
 
@@ -81,7 +81,7 @@ fn the_driver_is_on_before_the_first_character() {
 }
 
 #[test]
-fn what_is_given_up_while_the_driver_is_on_does_not_begin() {
+fn a_frame_withdrawn_while_the_driver_is_on_is_not_sent() {
     let mut line = Line::new();
     line.driver.leads = true;
     line.hear_request();
@@ -148,7 +148,7 @@ fn send(line: &mut Line) -> Vec<u8> {
 }
 
 #[test]
-fn text_goes_out_without_a_check() {
+fn text_is_sent_without_a_check() {
     let mut line = Line::new();
     line.driver.is_text = true;
     assert!(line.machine.take_buffer());
@@ -179,7 +179,7 @@ fn a_request_over_a_start_bit_waits_for_silence() {
 }
 
 #[test]
-fn a_frame_without_room_is_told_to_who_waits_for_silence() {
+fn a_frame_without_room_wakes_the_wait_for_silence() {
     let mut line = Line::new();
     line.hear(1, ReceiveErrors::NONE);
     line.did();
@@ -251,7 +251,7 @@ fn a_line_is_quiet_when_no_good_frame_may_come() {
 }
 
 #[test]
-fn nothing_is_quiet_while_it_sends() {
+fn a_line_is_not_quiet_while_it_sends() {
     let mut line = Line::new();
     line.hear_request();
     line.release(3);

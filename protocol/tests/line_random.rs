@@ -1,4 +1,4 @@
-//! The line against a plain reading of the standard, over scripts made by number. A failure prints the number.
+//! The line against a plain reading of the standard, over numbered random scripts. A failure prints the number.
 
 use multidrop_testkit::harness::book::Book;
 use multidrop_testkit::harness::judge::Verdict;

@@ -88,7 +88,7 @@ fn after_silence(settings: &Settings, bytes: &[u8]) -> Vec<Sent> {
 }
 
 #[test]
-fn a_gap_inside_a_frame_may_be_t1_5_and_not_a_tick_more() {
+fn a_gap_over_t1_5_voids_the_frame() {
     for settings in every_line() {
         let longest = if settings.strict {
             settings.t1_5
@@ -110,7 +110,7 @@ fn a_gap_inside_a_frame_may_be_t1_5_and_not_a_tick_more() {
 }
 
 #[test]
-fn frames_apart_by_more_than_t3_5_are_two_and_by_less_none() {
+fn frames_over_t3_5_apart_are_two_and_closer_ones_void() {
     let other = framed(&[5, 3, 0, 0, 0, 1]);
     for settings in every_line() {
         for (gap, answers) in [(1, 1), (0, 0), (-1, 0), (-99, 0)] {
@@ -126,7 +126,7 @@ fn frames_apart_by_more_than_t3_5_are_two_and_by_less_none() {
 
 /// By our clock: another's may be a little faster.
 #[test]
-fn a_request_just_before_t3_5_is_one_where_frames_are_judged_early_and_no_answer_goes_over_it() {
+fn a_request_that_begins_in_the_margin_before_t3_5_is_received_and_not_talked_over() {
     for settings in every_line() {
         let settings = Settings {
             early: settings.t3_5 / 24,
@@ -155,7 +155,7 @@ fn a_request_just_before_t3_5_is_one_where_frames_are_judged_early_and_no_answer
 }
 
 #[test]
-fn a_character_that_begins_by_t3_5_takes_the_answer_back_and_a_write_with_it() {
+fn a_character_before_t3_5_withdraws_the_answer_and_the_write() {
     for settings in every_line() {
         for gap in [settings.t3_5 - CHARACTER, settings.t3_5 - 1, settings.t3_5] {
             for request in [read(), write(77)] {
@@ -173,7 +173,7 @@ fn a_character_that_begins_by_t3_5_takes_the_answer_back_and_a_write_with_it() {
 }
 
 #[test]
-fn neighbours_talk_of_anything_with_gaps_anywhere() {
+fn traffic_of_neighbours_with_gaps_anywhere_is_not_answered() {
     let exchanges: [(&[u8], &[u8]); 9] = [
         (&[5, 1, 0, 19, 0, 19], &[5, 1, 3, 0xCD, 0x6B, 0x05]),
         (&[5, 2, 0, 196, 0, 22], &[5, 2, 3, 0xAC, 0xDB, 0x35]),
@@ -235,7 +235,7 @@ fn the_longest_frames_and_one_byte_more() {
 }
 
 #[test]
-fn a_character_with_a_flaw_spoils_its_frame_and_no_other() {
+fn a_damaged_character_voids_its_frame_and_no_other() {
     for flaw in [
         ReceiveErrors::PARITY,
         ReceiveErrors::FRAMING,
@@ -255,7 +255,7 @@ fn a_character_with_a_flaw_spoils_its_frame_and_no_other() {
 /// The task takes so long that somebody else has asked somebody else meanwhile; what it would say then would be taken for
 /// that one's answer.
 #[test]
-fn an_answer_that_comes_after_another_frame_is_not_given() {
+fn an_answer_after_another_frame_is_not_sent() {
     for settings in every_line() {
         let ops = [
             polite(after_silence(&settings, &read())),
@@ -270,7 +270,7 @@ fn an_answer_that_comes_after_another_frame_is_not_given() {
 
 /// Whoever wrote may not have waited for the answer.
 #[test]
-fn a_write_that_stands_is_carried_out_even_when_it_is_too_late_to_say_so() {
+fn a_write_that_stands_is_executed_even_if_its_answer_is_too_late() {
     for settings in every_line() {
         let ops = [
             polite(after_silence(&settings, &write(55))),
@@ -283,7 +283,7 @@ fn a_write_that_stands_is_carried_out_even_when_it_is_too_late_to_say_so() {
 }
 
 #[test]
-fn a_slow_task_answers_as_soon_as_it_can_while_nobody_talks() {
+fn a_slow_task_answers_late_if_the_line_stays_silent() {
     for settings in every_line() {
         for latency in [200, 1000, 100_000] {
             let ops = [polite(after_silence(&settings, &write(3)))];
@@ -294,7 +294,7 @@ fn a_slow_task_answers_as_soon_as_it_can_while_nobody_talks() {
 }
 
 #[test]
-fn a_line_set_up_anew_at_any_tick_answers_nothing_of_before() {
+fn after_new_settings_at_any_tick_no_earlier_frame_is_answered() {
     for settings in [slow_baud(), fast_baud()] {
         for after in (0..8 * CHARACTER + settings.t3_5).step_by(3) {
             let ops = [
@@ -315,7 +315,7 @@ fn a_line_set_up_anew_at_any_tick_answers_nothing_of_before() {
 }
 
 #[test]
-fn a_task_dropped_at_any_tick_leaves_a_line_that_works() {
+fn the_line_works_after_a_task_was_dropped_at_any_tick() {
     for ready_latency in [0, 130] {
         let settings = Settings {
             ready_latency,

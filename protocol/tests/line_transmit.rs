@@ -1,4 +1,4 @@
-//! Sending without having been asked: a client's request.
+//! Transmissions that are not answers: the requests of a client.
 
 use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_testkit::harness::book::framed;
@@ -32,7 +32,7 @@ fn release(bus: &mut Bus) -> bool {
     true
 }
 
-/// The same, and takes it back unless it goes out at once.
+/// Begins a transmission, and withdraws it unless it is sent at once; returns whether it was sent.
 fn try_to_transmit(bus: &mut Bus) -> bool {
     if !release(bus) {
         return false;
@@ -46,7 +46,7 @@ fn try_to_transmit(bus: &mut Bus) -> bool {
 
 /// Whoever releases too late is told so, and not left to wait.
 #[test]
-fn what_is_withheld_is_told_as_not_sent() {
+fn a_frame_that_is_withdrawn_is_reported_as_not_sent() {
     let mut bus = bus();
     hear(&mut bus, 2000);
     bus.pass(2448);
@@ -90,7 +90,7 @@ fn a_silent_line_sends_at_once() {
 }
 
 #[test]
-fn nobody_sends_before_t3_5_and_whoever_waits_is_woken_then() {
+fn a_task_that_waits_for_silence_is_woken_at_t3_5() {
     let mut bus = bus();
     hear(&mut bus, 2000);
     for now in 2095..2448 {
@@ -103,7 +103,7 @@ fn nobody_sends_before_t3_5_and_whoever_waits_is_woken_then() {
 }
 
 #[test]
-fn the_next_frame_waits_for_t3_5_behind_ours() {
+fn the_next_frame_waits_for_t3_5_after_the_last_transmission() {
     let mut bus = bus();
     assert!(try_to_transmit(&mut bus));
     let end = 1000 + FRAME;
@@ -120,7 +120,7 @@ fn the_next_frame_waits_for_t3_5_behind_ours() {
 /// One that tries again and again does not wait longer by that, nor talks over a character of which only the start bit has
 /// come so far.
 #[test]
-fn an_edge_holds_a_line_back_for_t3_5() {
+fn an_edge_delays_a_transmission_by_t3_5() {
     for tries in [1, 2, 5] {
         let mut bus = bus();
         bus.chip.glitches.push(1200);
@@ -138,7 +138,7 @@ fn an_edge_holds_a_line_back_for_t3_5() {
 }
 
 #[test]
-fn a_character_under_way_is_not_talked_over() {
+fn no_transmission_begins_during_a_received_character() {
     let mut bus = bus();
     hear(&mut bus, 4950);
     bus.pass(5000);
@@ -154,7 +154,7 @@ fn a_character_under_way_is_not_talked_over() {
 
 /// As a client does whose answer has just come: the next request is started at t3.5 by the alarm.
 #[test]
-fn one_that_asks_when_the_frame_before_stands_talks_at_t3_5_to_the_tick() {
+fn a_request_made_when_a_frame_stands_starts_at_t3_5_to_the_tick() {
     for good in [true, false] {
         let mut bus = bus();
         let mut bytes = framed(&BODY);

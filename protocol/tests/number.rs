@@ -105,7 +105,7 @@ fn text_that_does_not_fit_is_refused_and_nothing_changed() {
 
 proptest! {
     #[test]
-    fn four_bytes_go_where_the_letters_say(value: u32) {
+    fn four_bytes_are_stored_in_the_named_order(value: u32) {
         for order in Order::ALL {
             let registers = shuffled(order, &value.to_be_bytes());
             prop_assert_eq!(&order.from_u32(value)[..], &registers);
@@ -120,7 +120,7 @@ proptest! {
     }
 
     #[test]
-    fn eight_bytes_go_where_the_letters_say(value: u64) {
+    fn eight_bytes_are_stored_in_the_named_order(value: u64) {
         for order in Order::ALL {
             let registers = shuffled(order, &value.to_be_bytes());
             prop_assert_eq!(&order.from_u64(value)[..], &registers);

@@ -1,4 +1,4 @@
-//! The small parts, each by itself: blocks of data, text, errors, and what is computed of a format.
+//! Small parts by themselves: blocks of data, text, errors, and values computed from a format.
 
 use multidrop_protocol::ascii;
 use multidrop_protocol::data::{BytesOut, Coils, CoilsOut, Registers, RegistersOut};
@@ -110,7 +110,7 @@ fn bytes_are_written_as_far_as_there_is_room() {
 }
 
 #[test]
-fn text_goes_out_as_it_is() {
+fn text_is_sent_unchanged() {
     let mut adu = [0; 256];
     adu[..5].copy_from_slice(b"line\n");
     let mut rtu = Transmission::default();
@@ -131,7 +131,7 @@ fn text_goes_out_as_it_is() {
 }
 
 #[test]
-fn nothing_is_wrong_with_a_reception_that_has_not_begun() {
+fn an_empty_reception_has_no_errors() {
     let none = Reception::default().finish();
     assert_eq!(
         (none.len, none.errors),
@@ -140,7 +140,7 @@ fn nothing_is_wrong_with_a_reception_that_has_not_begun() {
 }
 
 #[test]
-fn flaws_are_a_set() {
+fn receive_errors_are_a_set() {
     let all = [
         ReceiveErrors::GAP,
         ReceiveErrors::PARITY,
@@ -169,7 +169,7 @@ fn flaws_are_a_set() {
 }
 
 #[test]
-fn a_frame_has_so_many_characters() {
+fn the_number_of_characters_of_a_frame() {
     for len in 0..=254u8 {
         let bytes = u16::from(len);
         assert_eq!(Framing::Rtu.characters(len), bytes + 2);

@@ -1,4 +1,4 @@
-//! The register set of a port: what each register takes and says, and what its slave serves.
+//! The register set of a port: the accepted values, the refusals, and the data of its slave.
 
 use multidrop_protocol::format::{Framing, LineFormat};
 use multidrop_protocol::port_registers::{
@@ -40,7 +40,7 @@ fn random_scripts_agree_with_the_plain_reading() {
 }
 
 #[test]
-fn whoever_is_wrong_is_told_what_would_be_right() {
+fn a_refusal_names_the_accepted_values() {
     let port = &mut plain();
     for (name, value, text) in [
         (
@@ -299,7 +299,7 @@ fn a_port_without_coils_has_no_function_for_them() {
 }
 
 #[test]
-fn what_the_chip_cannot_do_is_refused_by_name() {
+fn a_setting_that_the_chip_does_not_support_is_refused_by_name() {
     let port = &mut plain();
     let check = |line: &LineSettings| {
         if line.baud > 1_000_000 {
@@ -434,7 +434,7 @@ fn a_slave_serves_its_arrays_under_its_rules() {
 }
 
 #[test]
-fn the_same_set_for_two_ports_is_two_sets() {
+fn two_ports_have_separate_register_sets() {
     let (mut as1, mut rs4) = (plain(), plain());
     load(&mut as1, "BAUD", 9600);
     load(&mut as1, "REGS.3", 7);

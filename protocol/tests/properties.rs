@@ -1,5 +1,4 @@
-//! Whatever comes in: no panic, no answer that is too long, the state and the answer that a plain reading of the standard
-//! gives.
+//! Any input: no panic, no answer that is too long, and the state and answer of a plain reading of the standard.
 
 mod common;
 
@@ -238,7 +237,7 @@ proptest! {
     }
 
     #[test]
-    fn byte_by_byte_is_as_whole(bytes in prop::collection::vec(any::<u8>(), 0..300), good in any::<bool>()) {
+    fn a_frame_decoded_byte_by_byte_equals_the_whole(bytes in prop::collection::vec(any::<u8>(), 0..300), good in any::<bool>()) {
         let mut bytes = bytes;
         if good {
             bytes.extend(multidrop_protocol::crc::checksum(&bytes).to_le_bytes());
@@ -262,7 +261,7 @@ proptest! {
     }
 
     #[test]
-    fn other_units_are_not_heard(request in request(), unit in 1..=255u8) {
+    fn requests_to_other_units_are_ignored(request in request(), unit in 1..=255u8) {
         let mut request = request;
         request[0] = if unit == UNIT { UNIT_MAX + 1 } else { unit };
         let mut tables = Tables::new();

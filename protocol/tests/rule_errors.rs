@@ -1,4 +1,4 @@
-//! Rules that stop the build, and what is said then.
+//! Rules that stop the build, and their messages.
 
 use multidrop_protocol::data::Registers;
 use multidrop_protocol::exception::Exception;
@@ -91,7 +91,7 @@ fn ranges_are_not_reversed_and_do_not_overlap() {
 }
 
 #[test]
-fn a_rule_allows_something() {
+fn a_rule_must_allow_a_value() {
     let reversed = vec![(span(1, 2), Values::Range(span(9, 8)))];
     assert_eq!(
         said(vec![("VALID_DATA", reversed)]).as_deref(),
@@ -108,7 +108,7 @@ fn a_rule_allows_something() {
 }
 
 #[test]
-fn without_rules_everything_goes_up_to_the_last_address() {
+fn without_rules_every_value_is_allowed_up_to_the_last_address() {
     let values = [0; 2 * 256];
     for (first, count) in [(0, 1), (65_535, 1), (65_530, 6), (100, 125)] {
         assert_eq!(NoRules::check_read(first, count), Ok(()));

@@ -22,7 +22,7 @@ rules! {
     DISABLE_REG { 8..=11, 50..=50, 65_535..=65_535, 18..=41 }
 }
 
-/// The same lists as data.
+/// The lists of the rules as data.
 mod plain {
     pub const VALID: [(u32, u32); 4] = [(40, 50), (0, 9), (10, 19), (65_530, 65_535)];
     pub const DISABLE: [(u32, u32); 4] = [(8, 11), (50, 50), (65_535, 65_535), (18, 41)];
@@ -87,7 +87,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(5_000))]
 
     #[test]
-    fn a_write_is_judged_as_the_lists_say(
+    fn a_write_is_checked_against_the_lists(
         first in near_an_edge(),
         values in prop::collection::vec(likely_value(), 1..24),
         flags in prop_oneof![Just(0u32), any::<u32>()],
@@ -97,7 +97,7 @@ proptest! {
     }
 
     #[test]
-    fn a_block_of_values_that_are_all_taken_is_taken(
+    fn a_block_of_allowed_values_is_allowed(
         first in prop_oneof![0u16..20, 40u16..51],
         count in 1usize..12,
     ) {
@@ -119,7 +119,7 @@ proptest! {
 }
 
 rules! {
-    /// iDevOS's example.
+    /// The example of iDevOS.
     struct Example: "RS4";
     VALID_REG { 10..=90, 120..=190, 1000..=1000 }
     VALID_DATA { 10..=15 => range(100..=200), 1000..=1000 => list(1, 2, 3) }
@@ -177,7 +177,7 @@ fn more_values_than_a_request_has_are_refused() {
 }
 
 #[test]
-fn without_rules_everything_goes() {
+fn without_rules_every_value_is_allowed() {
     assert_eq!(
         NoRules::check_write(65_535, Registers::new(&[9, 9]), u32::MAX),
         Ok(())

@@ -1,4 +1,4 @@
-//! Requests and answers of every function, told apart and written down.
+//! Requests and answers of every function, told apart and formatted.
 
 use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_protocol::sniffer::{

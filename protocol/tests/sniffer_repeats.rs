@@ -1,4 +1,4 @@
-//! A request that is repeated, of each function, and answers that come soon, late and in a wrong shape.
+//! A repeated request of each function, and answers that come soon, late and in a wrong shape.
 
 use multidrop_protocol::sniffer::{Counts, Direction, Sniffer};
 
@@ -167,7 +167,7 @@ fn a_request_that_no_answer_equals_may_be_repeated_at_once() {
 }
 
 #[test]
-fn what_is_told_by_its_shape_is_so_however_late() {
+fn an_answer_known_by_its_shape_is_one_at_any_time() {
     for (request, answer, by) in EXCHANGES {
         for (after, is_answer) in [
             (PATIENCE_US - 1, true),

@@ -1,7 +1,7 @@
-//! Requests by the thousand, one in a hundred of their bytes damaged: flipped, lost, inserted, delayed.
+//! Thousands of requests with one in a hundred bytes damaged: flipped, lost, inserted, delayed.
 //!
-//! What was on the wire is judged by the plain reading of the standard in the harness, and the model is compared after each
-//! batch: what it holds is what the good frames, and no other, have written.
+//! The plain reading of the standard in the harness judges the wire, and the model is compared after each batch: only
+//! good frames have written to it.
 
 use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_testkit::harness::book::{self, Book, UNIT};

@@ -80,7 +80,7 @@ fn the_example_of_the_register_set() {
 }
 
 #[test]
-fn a_base_moves_what_is_dense_alone() {
+fn a_base_moves_dense_arrays_only() {
     let mut bank = Bank::<3>::new(10);
     assert!(bank.rebase(65_533) && !bank.rebase(65_534));
     assert_eq!(

@@ -1,4 +1,4 @@
-//! What a user reads: messages that stop the build, requests and values that are refused.
+//! The messages for users: build errors, requests and values that are refused.
 
 use multidrop_protocol::client::RequestError;
 use multidrop_protocol::format::Framing;
@@ -75,7 +75,7 @@ fn the_errors_of_a_frame_are_displayed_by_name() {
 }
 
 #[test]
-fn a_request_that_cannot_be_says_why() {
+fn an_invalid_request_has_a_message() {
     for (error, text) in [
         (
             RequestError::Unit { unit: 248 },
@@ -130,7 +130,7 @@ fn a_request_that_cannot_be_says_why() {
 }
 
 #[test]
-fn a_value_that_is_refused_says_why() {
+fn a_refused_value_has_a_message() {
     let text = |register, value, reason| {
         Refused {
             register,

@@ -123,7 +123,7 @@ fn writes_two_registers_from_1() {
 }
 
 #[test]
-fn frames_for_others_are_left_alone() {
+fn frames_for_other_units_are_ignored() {
     let mut tables = Tables::new();
     assert_eq!(ask_on_line(&mut tables, FRAMES[0]), None);
     assert_eq!(ask_on_line(&mut tables, FRAMES[7]), None);

@@ -1,11 +1,11 @@
 //! The bus: stations in lock step on one wire, or several.
 //!
 //! # Order of time
-//! The station that is furthest behind runs first, for at most [`BusConfig::quantum`] beyond the
-//! next one. An edge of the wire is worked out only when no station can act before it any more, so
-//! the order of edges is exact whatever the quantum; a node that is awake may hear an edge that
-//! another node made up to a quantum late, in its right place nevertheless. A sleeping node never
-//! does: its own time stands still until it has a reason to move. When all sleep and the wire is
+//!
+//! The station with the least time runs first, for at most [`BusConfig::quantum`] beyond the next one. An edge of the
+//! wire takes effect only when no station can act before it any more, so the order of edges is exact for any quantum.
+//! A node that is awake may receive an edge of another node up to a quantum late, but in its right place. A sleeping
+//! node receives it in time: its own time stands still until an event for it. When all nodes sleep and the wire is
 //! idle, time jumps.
 
 mod client;
@@ -26,18 +26,18 @@ use crate::record::{HostId, NodeId, Record, Station};
 use crate::time::Time;
 use crate::wire::Wire;
 
-/// What holds for the whole bus.
+/// The settings of the whole bus.
 #[derive(Clone, Debug)]
 pub struct BusConfig {
-    /// How far a node may run ahead of another that is awake too. Well under a bit time.
+    /// How far a node may run ahead of another node that is awake: much less than a bit time.
     pub quantum: Time,
-    /// How long a conflict keeps the wire low: about a character, so that every receiver hears
-    /// damaged bits and a framing error.
+    /// How long a conflict keeps the wire low: about a character, so that every receiver gets damaged bits and a
+    /// framing error.
     pub conflict_hold: Time,
 }
 
 impl Default for BusConfig {
-    /// Half a microsecond, and a character at 38400 baud.
+    /// A quantum of half a microsecond, and a conflict of one character at 38400 baud.
     fn default() -> Self {
         BusConfig {
             quantum: Time::from_ns(500),
@@ -46,7 +46,7 @@ impl Default for BusConfig {
     }
 }
 
-/// Something that will happen to the wire.
+/// A future event on the wire.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Event {
     /// The station's data line changes.
@@ -59,9 +59,9 @@ pub(crate) enum Event {
     End(Station),
     /// Noise begins (a level) or ends.
     Noise(Option<bool>),
-    /// The station stopped in the middle of what it did.
+    /// The station stopped while it was sending.
     Cut(Station),
-    /// Look again.
+    /// Determine the levels of the wire again.
     Resolve,
 }
 
@@ -71,7 +71,7 @@ pub struct Bus {
     now: Time,
     nodes: Vec<Node>,
     hosts: Vec<Host>,
-    /// When each node may next do something.
+    /// The next time at which each node may act.
     activity: Vec<Time>,
     machines: Vec<Machine>,
     queue: BTreeMap<(Time, u64), (WireId, Event)>,
@@ -153,7 +153,7 @@ impl Bus {
         id
     }
 
-    /// One more wire, apart from the others but at the same time: for a machine with several ports.
+    /// Adds a wire that is separate from the others but shares their time: for a machine with several ports.
     pub fn add_wire(&mut self) -> WireId {
         self.wires.push(Wire::new(self.config.conflict_hold));
         self.records.push(Record {
@@ -163,17 +163,17 @@ impl Bus {
         WireId(self.wires.len() - 1)
     }
 
-    /// How far the bus is.
+    /// The time of the bus.
     pub fn now(&self) -> Time {
         self.now
     }
 
-    /// A node.
+    /// The node with this id.
     pub fn node(&self, id: NodeId) -> &Node {
         &self.nodes[id.0]
     }
 
-    /// A node.
+    /// The node with this id, mutable.
     pub fn node_mut(&mut self, id: NodeId) -> &mut Node {
         &mut self.nodes[id.0]
     }
@@ -194,22 +194,22 @@ impl Bus {
             .map(|(i, host)| (HostId(i), host))
     }
 
-    /// A host.
+    /// The host with this id.
     pub fn host(&mut self, id: HostId) -> &mut Host {
         &mut self.hosts[id.0]
     }
 
-    /// What happened so far, on the first wire.
+    /// The record of the first wire.
     pub fn record(&self) -> &Record {
         &self.records[0]
     }
 
-    /// What happened so far on one of the wires.
+    /// The record of one of the wires.
     pub fn record_of(&self, wire: WireId) -> &Record {
         &self.records[wire.0]
     }
 
-    /// Forgets what happened so far, on all wires.
+    /// Clears the records of all wires.
     pub fn clear_record(&mut self) {
         for record in &mut self.records {
             *record = Record {
@@ -233,12 +233,12 @@ impl Bus {
 
     // --- faults -----------------------------------------------------------------------------
 
-    /// Takes a station's transceiver off the wire: it drives nothing and hears an idle line.
+    /// Takes a station's transceiver off the wire: it drives nothing and receives an idle line.
     pub fn unplug(&mut self, station: impl Into<Station>) {
         self.set_plugged(station.into(), false);
     }
 
-    /// Puts it back.
+    /// Connects a station that was unplugged.
     pub fn plug(&mut self, station: impl Into<Station>) {
         self.set_plugged(station.into(), true);
     }
@@ -261,7 +261,7 @@ impl Bus {
         self.schedule(self.now, WireId::default(), Event::Resolve);
     }
 
-    /// Gives it power again.
+    /// Switches a node's power on again.
     pub fn power_up(&mut self, id: NodeId) {
         self.nodes[id.0].power_up(self.now);
         self.wires[0].set_powered(Station::Node(id), true);

@@ -30,7 +30,7 @@ pub struct Misuse {
     pub what: MisuseKind,
 }
 
-/// See [`Misuse`].
+/// The kind of a [`Misuse`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MisuseKind {
     /// A 0 was written to EEPE while a byte was being written (8.6.3: hardware clears it).

@@ -36,7 +36,7 @@ impl Random {
         Random(seed)
     }
 
-    /// Any number.
+    /// A number of 64 bits.
     pub fn any(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -84,43 +84,43 @@ impl Random {
 pub enum Damage {
     /// Data bits are inverted, the parity bit is not mended.
     Flipped {
-        /// Which character.
+        /// The index of the character.
         at: usize,
-        /// Which bits.
+        /// The bits to be inverted.
         mask: u8,
     },
     /// It never comes, and the rest moves up.
     Missing {
-        /// Which character.
+        /// The index of the character.
         at: usize,
     },
     /// It never comes, and its time passes.
     Hole {
-        /// Which character.
+        /// The index of the character.
         at: usize,
     },
     /// Another one comes before it.
     Inserted {
-        /// Which character, or the end.
+        /// The index of the character, or the end.
         at: usize,
         /// The other one.
         value: u8,
     },
     /// A pause before it.
     Pause {
-        /// Which character.
+        /// The index of the character.
         at: usize,
-        /// How long.
+        /// The length of the gap.
         length: Time,
     },
     /// The wrong parity bit, in formats that have one.
     BadParity {
-        /// Which character.
+        /// The index of the character.
         at: usize,
     },
     /// A low stop bit.
     BadStop {
-        /// Which character.
+        /// The index of the character.
         at: usize,
     },
 }
@@ -228,41 +228,41 @@ pub enum Fault {
     Damage(Damage),
     /// The wire is forced to a level.
     Noise {
-        /// When.
+        /// The time from the beginning of the request.
         after: Time,
-        /// How long.
+        /// The length of the noise.
         length: Time,
-        /// Which level; true is the idle level.
+        /// The level of the wire; true is the idle level.
         level: bool,
     },
     /// A neighbour's driver pulls the wire low.
     StuckLow {
-        /// When.
+        /// The time from the beginning of the request.
         after: Time,
         /// How long, in characters.
         characters: usize,
     },
     /// A neighbour sends although it was not asked.
     Intrusion {
-        /// When.
+        /// The time from the beginning of the request.
         after: Time,
-        /// What.
+        /// The bytes that are sent.
         bytes: Vec<u8>,
     },
     /// A node's reset pin is pulled.
     Reset {
-        /// Whose.
+        /// The node in question.
         node: NodeId,
-        /// When.
+        /// The time from the beginning of the request.
         after: Time,
     },
     /// A node has no power for a while.
     PowerCut {
-        /// Which.
+        /// The node in question.
         node: NodeId,
-        /// When.
+        /// The time from the beginning of the request.
         after: Time,
-        /// How long.
+        /// How long the node stays off.
         off: Time,
     },
 }
@@ -375,7 +375,7 @@ impl Campaign {
         }
     }
 
-    /// Its seed.
+    /// The seed of the campaign.
     pub fn seed(&self) -> u64 {
         self.seed
     }

@@ -49,8 +49,8 @@ const BAD_OPCODE: usize = 0;
 pub(crate) trait Peripherals: 'static {
     /// Data-memory addresses that are read and written through this.
     const REGISTERS: &'static [u16];
-    /// Of those, the ones where `sbi` and `cbi` do not come down to reading all bits and writing them back (DS40002061B,
-    /// notes of the register summary).
+    /// Those of [`REGISTERS`](Self::REGISTERS) in which `sbi` and `cbi` change one bit without reading and writing
+    /// all bits (DS40002061B, notes of the register summary).
     const SINGLE_BIT: &'static [u16];
 
     /// The value of a register in cycle `at`.
@@ -58,7 +58,7 @@ pub(crate) trait Peripherals: 'static {
     /// A value written to a register at clock edge `at`. Returns for how many cycles the CPU is
     /// halted by that.
     fn write(&mut self, address: u16, value: u8, at: u64) -> u64;
-    /// The same of one bit of a register of [`SINGLE_BIT`](Self::SINGLE_BIT), set or cleared.
+    /// Sets or clears one bit of a register of [`SINGLE_BIT`](Self::SINGLE_BIT), as [`write`](Self::write) does.
     fn write_bit(&mut self, address: u16, bit: u8, set: bool, at: u64) -> u64;
     /// `wdr`, in cycle `at`.
     fn watchdog_reset(&mut self, at: u64);
@@ -164,13 +164,13 @@ impl<P: Peripherals> Core<P> {
         })
     }
 
-    /// The peripherals.
+    /// The peripherals of the chip.
     pub fn periph(&self) -> &P {
         // SAFETY: owned by `self`; the callbacks that use it run only under `&mut self`.
         unsafe { self.periph.as_ref() }
     }
 
-    /// The peripherals.
+    /// The peripherals of the chip, mutable.
     pub fn periph_mut(&mut self) -> &mut P {
         // SAFETY: as above, and `&mut self` makes the reference unique.
         unsafe { self.periph.as_mut() }
@@ -338,7 +338,7 @@ impl<P: Peripherals> Core<P> {
         unsafe { std::slice::from_raw_parts((*self.avr()).data, DATA_BYTES) }
     }
 
-    /// Data memory.
+    /// The data memory, mutable.
     pub fn data_mut(&mut self) -> &mut [u8] {
         // SAFETY: as above, and `&mut self` makes the borrow unique.
         unsafe { std::slice::from_raw_parts_mut((*self.avr()).data, DATA_BYTES) }

@@ -20,7 +20,7 @@ pub fn with_crc(body: &[u8]) -> Vec<u8> {
 pub enum Framing {
     /// Silence ends a frame, a CRC is its check (SER 2.5.1).
     Rtu,
-    /// From `:` to CR and another character, LF if nobody has changed it; an LRC is its check (SER 2.5.2).
+    /// From `:` to CR and another character, LF unless it was changed; an LRC is its check (SER 2.5.2).
     Ascii,
 }
 
@@ -184,7 +184,7 @@ impl Frame {
         })
     }
 
-    /// In words.
+    /// The meaning of the frame in words.
     pub fn meaning(&self) -> String {
         let check = self.framing.check();
         let Some(body) = self.body() else {
@@ -237,7 +237,7 @@ impl fmt::Display for Frame {
     }
 }
 
-/// What stands between `:` and CR, two digits to a byte.
+/// The bytes between `:` and CR, two digits each.
 fn digits(bytes: &[u8]) -> Option<Vec<u8>> {
     let digits = match bytes.strip_prefix(b":")? {
         [digits @ .., b'\r', _] => digits,
@@ -416,7 +416,7 @@ fn registers(data: &[u8]) -> String {
     words.join(" ")
 }
 
-/// APP 6.
+/// The name of a function (APP 6).
 fn function(code: u8) -> String {
     let name = match code {
         0x01 => "Read Coils",

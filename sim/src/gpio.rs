@@ -18,21 +18,21 @@ pub struct Pin {
 }
 
 impl Pin {
-    /// PD0, RXD.
+    /// The pin PD0, RXD.
     pub const D0: Pin = Pin::at(2, 0);
-    /// PD1, TXD.
+    /// The pin PD1, TXD.
     pub const D1: Pin = Pin::at(2, 1);
     /// PD2, the usual DE.
     pub const D2: Pin = Pin::at(2, 2);
-    /// PD3.
+    /// The pin PD3.
     pub const D3: Pin = Pin::at(2, 3);
-    /// PD4.
+    /// The pin PD4.
     pub const D4: Pin = Pin::at(2, 4);
-    /// PD5.
+    /// The pin PD5.
     pub const D5: Pin = Pin::at(2, 5);
-    /// PD6.
+    /// The pin PD6.
     pub const D6: Pin = Pin::at(2, 6);
-    /// PD7.
+    /// The pin PD7.
     pub const D7: Pin = Pin::at(2, 7);
     /// PB5, the Nano's LED.
     pub const B5: Pin = Pin::at(0, 5);
@@ -61,9 +61,9 @@ impl fmt::Display for Pin {
 /// What a pin does to the outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// Driven low.
+    /// An output that drives low.
     Low,
-    /// Driven high.
+    /// An output that drives high.
     High,
     /// An input: not driven.
     Floating,

@@ -1,30 +1,30 @@
 //! A host on the bus: a station without firmware, such as a PC with a USB adapter.
 //!
-//! It switches its driver on with the start bit of each character and off with the end of its last
-//! stop bit, and hears the wire whenever it does not drive.
+//! It switches its driver on with the start bit of each character and off at the end of its last stop bit, and
+//! receives the wire while it does not drive.
 
 use std::collections::VecDeque;
 
 use crate::line::{Format, Line};
 use crate::time::{Clock, Time};
 
-/// How to put a host on the bus.
+/// The settings of a host.
 #[derive(Clone, Debug)]
 pub struct HostPort {
     /// Its name in records.
     pub name: String,
     /// Its baud rate and format.
     pub line: Line,
-    /// How far its bit clock is off, in parts per million; positive is too fast.
+    /// The error of its bit clock in parts per million; positive is too fast.
     pub clock_ppm: i32,
-    /// Whether it hears itself.
+    /// Whether it receives its own characters.
     pub echo: bool,
-    /// Whether somebody else switches its driver.
+    /// Whether its driver is switched from outside.
     pub(crate) has_driver_pin: bool,
 }
 
 impl HostPort {
-    /// A host with a perfect clock that does not hear itself.
+    /// A host with an exact clock, without an echo.
     pub fn new(line: Line) -> Self {
         HostPort {
             name: "host".to_owned(),
@@ -58,12 +58,12 @@ impl Tx {
         }
     }
 
-    /// A pause between the end of the last stop bit before it and its start bit.
+    /// Sets the pause between the last stop bit before it and its start bit.
     pub fn after(self, gap: Time) -> Self {
         Tx { gap, ..self }
     }
 
-    /// Inverts data bit `bit` (0 is sent first) without mending the parity bit.
+    /// Inverts data bit `bit` (0 is sent first) and leaves the parity bit.
     pub fn flip_bit(self, bit: u8) -> Self {
         Tx {
             flip: self.flip ^ 2u16.checked_shl(u32::from(bit)).unwrap_or(0),
@@ -71,7 +71,7 @@ impl Tx {
         }
     }
 
-    /// The wrong parity bit, where the format has one.
+    /// Inverts the parity bit, if the format has one.
     pub fn bad_parity(self) -> Self {
         Tx {
             flip_parity: true,
@@ -79,7 +79,7 @@ impl Tx {
         }
     }
 
-    /// All stop bits low.
+    /// Makes all stop bits low.
     pub fn bad_stop(self) -> Self {
         Tx {
             low_stop: true,
@@ -92,8 +92,7 @@ impl Tx {
         self.gap
     }
 
-    /// What a receiver of this format makes of it: its data bits, or nothing where the parity or
-    /// the first stop bit is wrong.
+    /// The data bits that a receiver of this format gets, or `None` if the parity or the first stop bit is wrong.
     pub fn received(self, format: Format) -> Option<u8> {
         let decoded = format.decode(self.encode(format));
         let good = !decoded.parity_error && !decoded.framing_error;
@@ -113,20 +112,20 @@ impl Tx {
     }
 }
 
-/// A character that a host heard.
+/// A character that a host received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RxByte {
     /// Its data bits.
     pub value: u8,
-    /// The start bit began: the exact time of the edge.
+    /// The exact time at which the start bit began.
     pub start: Time,
-    /// The last stop bit ended, by the host's own clock.
+    /// The time at which the last stop bit ended, by the host's own clock.
     pub end: Time,
-    /// The first stop bit was low.
+    /// Whether the first stop bit was low.
     pub framing_error: bool,
-    /// The parity was wrong.
+    /// Whether the parity was wrong.
     pub parity_error: bool,
-    /// The wire changed about the middle of a bit, so that three samples there do not agree.
+    /// Whether the wire changed about the middle of a bit, so that three samples there differ.
     pub noise: bool,
 }
 
@@ -137,10 +136,10 @@ impl RxByte {
     }
 }
 
-/// When the bits of a character begin.
+/// The times at which the bits of a character begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct BitTimes {
-    /// Where `clock` is counted from.
+    /// The time from which `clock` is counted.
     pub base: Time,
     pub clock: Clock,
     /// The tick of `clock` at which the start bit begins.
@@ -161,7 +160,7 @@ impl BitTimes {
         }
     }
 
-    /// When bit `bit` begins.
+    /// The time at which bit `bit` begins.
     pub fn bit(&self, bit: u32) -> Time {
         self.base + self.clock.time(self.first + u64::from(bit) * self.ticks)
     }
@@ -175,7 +174,7 @@ impl BitTimes {
         (self.bit(bit) + self.bit(bit + 1)) / 2
     }
 
-    /// The samples before and behind that, of sixteen in a bit.
+    /// The samples before and after the middle, of sixteen in a bit.
     fn beside(&self, bit: u32) -> [Time; 2] {
         let sixteenth = (self.bit(bit + 1) - self.bit(bit)) / 16;
         let middle = self.middle(bit);
@@ -187,7 +186,7 @@ impl BitTimes {
     }
 }
 
-/// A character on its way out of a station.
+/// A character that a station is sending.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
     pub times: BitTimes,
@@ -203,7 +202,7 @@ pub struct Host {
     clock: Clock,
     outbox: Vec<Frame>,
     busy_until: Time,
-    /// Levels the host hears, from the start of the character it is in.
+    /// Levels that the host has received, from the start of the present character.
     heard: VecDeque<(Time, bool)>,
     receiving: Option<BitTimes>,
     /// Whether its receiver is on.
@@ -227,7 +226,7 @@ impl Host {
         }
     }
 
-    /// Its name.
+    /// The name of the host.
     pub fn name(&self) -> &str {
         &self.config.name
     }
@@ -237,7 +236,7 @@ impl Host {
         self.config.line
     }
 
-    /// Changes baud rate and format for what is sent from now on and for the next character heard.
+    /// Changes baud rate and format for characters sent from now on and for the next received character.
     pub fn set_line(&mut self, line: Line) {
         self.config.line = line;
         self.clock = Clock::new(line.baud, self.config.clock_ppm);

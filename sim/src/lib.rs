@@ -1,9 +1,9 @@
-//! A simulated RS-485 bus, cycle by cycle: ATmega328P nodes running the firmware images that are
-//! flashed, and hosts without firmware, on one half-duplex wire.
+//! A simulated RS-485 bus, cycle by cycle: ATmega328P nodes with the firmware images that are flashed, and hosts
+//! without firmware, on one half-duplex wire.
 //!
-//! The instruction core is simavr's; USART0, Timer1, EEPROM, ports, interrupt timing and sleep are
-//! modelled after the data sheet (Microchip DS40002061B). An STM32F405 runs in QEMU or on Unicorn's core ([`Emulator`]). Same
-//! inputs, same record: nothing depends on the machine's time or scheduling.
+//! The instruction core is simavr's; USART0, Timer1, EEPROM, ports, interrupt timing and sleep are modelled after the
+//! data sheet (Microchip DS40002061B). An STM32F405 runs in QEMU or on Unicorn's core ([`Emulator`]). Equal inputs
+//! give equal records: nothing depends on the machine's time or scheduling.
 //!
 //! ```no_run
 //! use multidrop_bus::{Bus, BusConfig, HostPort, Line, Nano, Pin, Time};

@@ -82,7 +82,7 @@ impl Nano {
 /// four cycles of response included, those of waking up not, and what interrupted it included.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct VectorStats {
-    /// Executions.
+    /// The number of executions.
     pub count: u64,
     /// Cycles of the shortest.
     pub min: u64,
@@ -216,7 +216,7 @@ impl Node {
         }
     }
 
-    /// The same in bus time.
+    /// The time of the last activity in bus time.
     pub(crate) fn activity_time(&self) -> Time {
         match self.activity() {
             u64::MAX => Time::NEVER,
@@ -362,7 +362,7 @@ impl Node {
         self.core.periph_mut().gpio.input(pin, level, at);
     }
 
-    /// Its name.
+    /// The name of the node.
     pub fn name(&self) -> &str {
         &self.config.name
     }

@@ -1,4 +1,4 @@
-//! What happened on the wire.
+//! The record of a wire.
 
 use std::fmt;
 
@@ -9,9 +9,9 @@ use crate::time::Time;
 /// A station: a node or a host, in the order they were put on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Station {
-    /// A node.
+    /// A node on the bus.
     Node(NodeId),
-    /// A host.
+    /// A host on the bus.
     Host(HostId),
 }
 
@@ -32,35 +32,35 @@ impl fmt::Display for Station {
     }
 }
 
-/// A character that a station sent, and what became of it on the wire.
+/// A character that a station sent, and its state on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WireByte {
-    /// Who sent it.
+    /// The station that sent it.
     pub from: Station,
-    /// The start bit begins.
+    /// The time at which the start bit begins.
     pub start: Time,
-    /// The last stop bit ends.
+    /// The time at which the last stop bit ends.
     pub end: Time,
-    /// What was sent.
+    /// The value that was sent.
     pub sent: u16,
-    /// What a receiver with the sender's clock and format reads off the wire.
+    /// The value that a receiver with the sender's clock and format reads.
     pub value: u16,
     /// The levels that it reads, in the order of the wire, the start bit in bit 0.
     pub bits: u16,
-    /// It reads a stop bit that is low.
+    /// Whether it reads a stop bit that is low.
     pub framing_error: bool,
-    /// It reads the wrong parity.
+    /// Whether it reads wrong parity.
     pub parity_error: bool,
-    /// The driver was off at the start bit: nothing of it may be on the wire.
+    /// Whether the driver was off at the start bit, so that nothing of it may be on the wire.
     pub lost: bool,
-    /// When the driver went off inside the character, if it did.
+    /// The time at which the driver went off inside the character, if it did.
     pub truncated: Option<Time>,
-    /// Another driver was on at the same time with another level.
+    /// Whether another driver was on with another level.
     pub conflict: bool,
 }
 
 impl WireByte {
-    /// Whether it reached the wire as it was sent.
+    /// Whether it was on the wire as it was sent.
     pub fn is_good(&self) -> bool {
         self.value == self.sent
             && !(self.framing_error
@@ -104,50 +104,50 @@ impl fmt::Display for WireByte {
     }
 }
 
-/// A node's driver switched on or off.
+/// A node's driver was switched on or off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DeEdge {
-    /// Whose.
+    /// The station whose driver was switched.
     pub from: Station,
-    /// When.
+    /// The time of the event.
     pub time: Time,
-    /// On or off.
+    /// Whether the driver is on.
     pub on: bool,
 }
 
 /// An edge of a watched pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PinEdge {
-    /// Whose.
+    /// The node of the pin.
     pub node: NodeId,
-    /// Which.
+    /// The pin that has changed.
     pub pin: Pin,
-    /// When.
+    /// The time of the event.
     pub time: Time,
-    /// What it does from now on.
+    /// The state of the pin from now on.
     pub level: Level,
 }
 
-/// Two drivers began to disagree.
+/// A conflict: two drivers drive different levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Conflict {
-    /// When.
+    /// The time of the event.
     pub time: Time,
     /// A station that drives the wire low.
     pub low: Station,
     /// A station that drives it high.
     pub high: Station,
-    /// When the drivers no longer disagreed; `None`: not yet. The wire is held low for longer
+    /// The end of the conflict, `None` while it lasts. The wire is held low for longer
     /// ([`crate::BusConfig::conflict_hold`]).
     pub end: Option<Time>,
 }
 
-/// What a station puts to its driver changed (a node's TXD), whether the driver is on or not.
+/// A change of the level that a station gives to its driver (a node's TXD), whether the driver is on or not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DataEdge {
-    /// Whose.
+    /// The station that drives.
     pub from: Station,
-    /// When.
+    /// The time of the event.
     pub time: Time,
     /// The level from then on; true is the mark, the idle level.
     pub level: bool,
@@ -156,14 +156,14 @@ pub struct DataEdge {
 /// An edge of the wire itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WireEdge {
-    /// When.
+    /// The time of the event.
     pub time: Time,
     /// The level from then on; true is the mark, the idle level.
     pub level: bool,
 }
 
-/// Everything since the bus was made or the record was cleared, in the order of time (characters
-/// in the order of their ends).
+/// All events since the bus was made or the record was cleared, in the order of time (characters in the order of
+/// their ends).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Record {
     pub(crate) bytes: Vec<WireByte>,
@@ -181,7 +181,7 @@ impl Record {
         &self.bytes
     }
 
-    /// The characters one station sent.
+    /// The characters that one station sent.
     pub fn sent_by(&self, station: Station) -> impl Iterator<Item = &WireByte> {
         self.bytes.iter().filter(move |byte| byte.from == station)
     }
@@ -196,17 +196,17 @@ impl Record {
         &self.pins
     }
 
-    /// Where drivers fought.
+    /// The conflicts of drivers.
     pub fn conflicts(&self) -> &[Conflict] {
         &self.conflicts
     }
 
-    /// When the record begins.
+    /// The time at which the record begins.
     pub fn since(&self) -> Time {
         self.since
     }
 
-    /// The edges that stations put to their drivers.
+    /// The edges that stations gave to their drivers.
     pub fn data_edges(&self) -> &[DataEdge] {
         &self.data
     }

@@ -21,32 +21,32 @@ impl Time {
     /// Later than anything.
     pub const NEVER: Time = Time(u64::MAX);
 
-    /// From picoseconds.
+    /// A time in picoseconds.
     pub const fn from_ps(ps: u64) -> Self {
         Time(ps)
     }
 
-    /// From nanoseconds.
+    /// A time in nanoseconds.
     pub const fn from_ns(ns: u64) -> Self {
         Time(ns * 1_000)
     }
 
-    /// From microseconds.
+    /// A time in microseconds.
     pub const fn from_us(us: u64) -> Self {
         Time(us * 1_000_000)
     }
 
-    /// From milliseconds.
+    /// A time in milliseconds.
     pub const fn from_ms(ms: u64) -> Self {
         Time(ms * 1_000_000_000)
     }
 
-    /// From seconds.
+    /// A time in seconds.
     pub const fn from_s(s: u64) -> Self {
         Time(s * 1_000_000_000_000)
     }
 
-    /// In picoseconds.
+    /// The time in picoseconds.
     pub const fn ps(self) -> u64 {
         self.0
     }

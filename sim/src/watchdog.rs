@@ -65,7 +65,7 @@ impl Watchdog {
         self.mcusr
     }
 
-    /// `wdr` (11.8.1).
+    /// Executes `wdr` (11.8.1).
     pub fn restart(&mut self, at: u64) {
         self.sync(at);
         self.since = at;

@@ -1,4 +1,4 @@
-//! The bus between the stations: bit times, who drives the wire, collisions, noise, and what a receiver makes of it.
+//! The bus between the stations: bit times, drivers, collisions, noise, and receivers.
 
 use multidrop_bus::{
     Bus, BusConfig, Format, HostId, HostPort, Line, Nano, Parity, RxByte, Station, Time, Tx,
@@ -77,7 +77,7 @@ fn the_bits_of_a_node_are_cycles_of_its_own_clock() {
 }
 
 #[test]
-fn two_that_send_alike_do_not_disagree_and_the_first_bit_that_differs_is_told() {
+fn a_conflict_begins_at_the_first_bit_that_differs() {
     let (mut bus, hosts) = hosts(2);
     for host in &hosts {
         bus.host(*host).send(&[0x35]);
@@ -177,7 +177,7 @@ fn a_driver_is_off_the_wire_without_power_and_unplugged_and_on_it_again_later() 
 }
 
 #[test]
-fn nobody_drives_the_wire_and_it_is_at_the_mark() {
+fn an_undriven_wire_is_at_the_mark() {
     let (mut bus, hosts) = hosts(2);
     assert!(bus.wire_level());
     bus.host(hosts[0]).send(&[0x00]);
@@ -296,7 +296,7 @@ fn a_character_fits_the_formats_in_which_parity_and_stop_bit_are_right() {
 }
 
 #[test]
-fn a_host_tells_a_wire_that_changes_about_the_middle_of_a_bit() {
+fn a_host_flags_a_level_that_changes_about_the_middle_of_a_bit() {
     let (mut bus, hosts) = hosts(2);
     let bit = |sixteenths: u128| Time::from_ps(bits(sixteenths, 16 * 38_400, 0));
     // The sample before the middle of data bit 0, of a byte of ones; then one near the edge of a bit.
@@ -325,7 +325,7 @@ fn a_host_takes_no_spike_for_a_start_bit() {
 }
 
 #[test]
-fn what_a_node_had_begun_is_gone_with_a_reset() {
+fn a_reset_drops_the_character_under_way() {
     let sent = |reset: Option<Time>| {
         let (mut bus, node, _) = one("send", &[], LINE);
         let mut since = Time::ZERO;

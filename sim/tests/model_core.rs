@@ -227,7 +227,7 @@ fn losing_power_in_an_eeprom_write_loses_the_byte_and_a_reset_does_not() {
 }
 
 #[test]
-fn what_the_data_sheet_does_not_allow_for_is_kept() {
+fn an_access_that_the_data_sheet_does_not_allow_is_recorded() {
     use MisuseKind::{AddressChanged, NotEnabled, ReadWhileWriting, WriteEnableCleared};
     let (mut bus, node, _) = one("eeprom", &[], LINE);
     bus.run_for(Time::from_ms(4));

@@ -1,5 +1,5 @@
-//! The EEPROM against the data sheet (DS40002061B, 8.4 and 8.6): the window of EEMPE, programming times, wear, and what is left
-//! of a byte when the power goes.
+//! The EEPROM against the data sheet (DS40002061B, 8.4 and 8.6): the window of EEMPE, programming times, wear, and
+//! the content of a byte after a power cut.
 
 use multidrop_bus::{Bus, Line, MisuseKind, NodeId, Pin, Time};
 use multidrop_testkit::assembler::{bus_with, nano, one, rise};

@@ -1,4 +1,4 @@
-//! The bus as a serial port: what becomes of the link, and what a client gets.
+//! The bus as a serial port: the link, and the bytes for a client.
 
 use multidrop_testkit::places;
 
@@ -53,7 +53,7 @@ fn the_link_of_a_bus_that_runs_is_refused_and_free_afterwards() {
 }
 
 #[test]
-fn what_is_not_a_link_is_refused_and_kept() {
+fn a_path_that_is_not_a_link_is_refused_and_kept() {
     let link = path("file");
     fs::write(&link, "mine").expect("a file");
     assert!(matches!(live(&link), Err(LiveError::NotALink(taken)) if taken == link));

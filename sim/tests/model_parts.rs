@@ -1,4 +1,4 @@
-//! What the machine's instructions are counted as, against counts by hand.
+//! The counts of the machine's instructions by part, against counts by hand.
 
 use multidrop_bus::{
     Bus, BusConfig, BusError, Emulator, HostPort, Instructions, Line, MachineId, Parts, Stm32,
@@ -33,7 +33,7 @@ fn after(characters: &[(u8, Time)]) -> (Instructions, Vec<u64>) {
 }
 
 #[test]
-fn work_is_told_from_waiting_and_marked_code_from_both() {
+fn work_waiting_and_marked_code_are_counted_apart() {
     let gap = Time::from_ms(1);
     for characters in [
         &[][..],

@@ -1,4 +1,5 @@
-//! The STM32 that runs what is flashed, by small programs: its USART's flags and handshake, its resets and its watchdog.
+//! The STM32 that runs flashed images, tested by small programs: the USART's flags and handshake, resets and the
+//! watchdog.
 
 use multidrop_bus::{
     Bus, BusConfig, Cause, Emulator, HostId, HostPort, Line, MachineId, Silicon, Stm32, Time, Tx,
@@ -199,7 +200,7 @@ fn cts_holds_the_next_character_and_not_the_one_under_way() {
 }
 
 #[test]
-fn what_it_sends_comes_back_where_its_transceiver_hears_itself() {
+fn a_transceiver_that_echoes_returns_the_sent_characters() {
     for echo in [false, true] {
         let symbols = [("CR1", ON), ("CR3", 0), ("SENDS", 3), ("WAITS", 0)];
         let mut desk = Desk::new("usart", &symbols, LINE);
@@ -282,7 +283,7 @@ fn the_watchdog_resets_the_chip_when_it_is_not_fed() {
 }
 
 #[test]
-fn resets_from_outside_tell_their_cause() {
+fn external_resets_report_their_cause() {
     let mut desk = resets(0, [0; 3], 32_000);
     desk.bus.run_for(Time::from_ms(1));
     desk.bus.reset_stm32(desk.machine, Cause::Pin);
@@ -299,7 +300,7 @@ fn resets_from_outside_tell_their_cause() {
 #[should_panic(
     expected = "0x40012000 is read, which is not modelled; the instruction is at 0x080001"
 )]
-fn what_is_not_modelled_ends_the_test_and_is_named() {
+fn an_access_that_is_not_modelled_fails_the_test_by_name() {
     let mut desk = resets(5, [0; 3], 32_000);
     desk.bus.run_for(Time::from_ms(1));
 }

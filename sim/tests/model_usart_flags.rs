@@ -1,4 +1,4 @@
-//! What USART0's flags and enable bits do and do not (DS40002061B, chapter 20), by `avr/usart_flags.S`.
+//! The effects of USART0's flags and enable bits (DS40002061B, chapter 20), by `avr/usart_flags.S`.
 
 use multidrop_bus::{Bus, Line, NodeId, Time};
 use multidrop_testkit::assembler::one;
@@ -19,7 +19,7 @@ fn sent(bus: &Bus) -> Vec<u16> {
 }
 
 #[test]
-fn what_is_written_without_udre_is_ignored() {
+fn a_byte_written_without_udre_is_ignored() {
     // 20.11.1.
     assert_eq!(sent(&ran(0).0), [1, 2]);
 }

@@ -1,4 +1,4 @@
-//! Transceivers and the wire: what is lost, cut off, or spoiled.
+//! Transceivers and the wire: characters that are lost, cut off, or damaged.
 
 use multidrop_bus::{Bus, BusConfig, BusError, HostPort, Line, Nano, Station, Time};
 use multidrop_testkit::assembler::{assemble, nano, one};

@@ -1,4 +1,4 @@
-//! The Nano's image behind its boot loaders, which have the reset flags, the watchdog and r2 before it (`avr/boot.S`).
+//! The Nano's image after its boot loaders, which use the reset flags, the watchdog and r2 first (`avr/boot.S`).
 
 use std::path::Path;
 
@@ -63,7 +63,7 @@ impl Desk {
 }
 
 #[test]
-fn optiboot_hands_the_flags_over_and_the_watchdog_works_behind_it() {
+fn optiboot_passes_the_reset_flags_on_and_the_watchdog_works() {
     let image = image("faults", &["--bootloader", "new"]);
     let mut desk = Desk::new(NEW, &image, 1);
     desk.bus.run_for(Time::from_ms(20));
@@ -83,7 +83,7 @@ fn optiboot_hands_the_flags_over_and_the_watchdog_works_behind_it() {
 }
 
 #[test]
-fn an_optiboot_that_hands_nothing_over_leaves_the_fault() {
+fn with_an_optiboot_that_passes_nothing_on_the_fault_is_kept() {
     let image = image("faults", &["--bootloader", "new"]);
     for seed in 1..=8 {
         // What is in r2 then is no flags, most times.
@@ -97,7 +97,7 @@ fn an_optiboot_that_hands_nothing_over_leaves_the_fault() {
 }
 
 #[test]
-fn the_old_boot_loader_bears_no_watchdog_and_its_image_has_none() {
+fn the_image_for_the_old_boot_loader_has_no_watchdog() {
     let with = image("faults", &["--bootloader", "new"]);
     let without = image("faults", &["--bootloader", "old"]);
     for (image, comes_back) in [(with, false), (without, true)] {

@@ -1,5 +1,5 @@
-//! `flash --programmer --fuses` with avrdude itself, and with a programmer that is made up for here: it speaks version 1 of the
-//! STK500's protocol (Atmel AVR061), as an Arduino with the sketch ArduinoISP does, and has an ATmega328P behind it.
+//! `flash --programmer --fuses` with avrdude itself and an emulated programmer: it speaks version 1 of the STK500's
+//! protocol (Atmel AVR061), as an Arduino with the sketch ArduinoISP does, and has an emulated ATmega328P.
 
 use multidrop_testkit::places;
 mod sims;
@@ -205,7 +205,7 @@ fn avrdude_sets_the_fuses_and_writes_the_image() {
     }
     // Once more the fuses are right.
     let said = flash();
-    assert!(said.contains("nothing is to be changed"), "{said}");
+    assert!(said.contains("the fuses are set already"), "{said}");
     let written = &chip.lock().expect("it served well").written;
     assert_eq!(
         written.iter().map(|code| code[1]).collect::<Vec<_>>(),

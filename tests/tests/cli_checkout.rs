@@ -1,5 +1,5 @@
-//! Which checkout the commands work on: the one they are called in, wherever they were built. A checkout that is copied with
-//! its target folder has programs that were built in another one.
+//! The checkout that the commands work on: the one they are called in, wherever they were built. A checkout that is
+//! copied with its target folder has programs that were built in another one.
 
 use multidrop_testkit::places;
 
@@ -71,7 +71,7 @@ fn the_commands_work_on_the_checkout_they_are_called_in() {
 }
 
 #[test]
-fn outside_of_a_checkout_the_commands_say_so() {
+fn outside_of_a_checkout_the_commands_are_refused() {
     let elsewhere = tempfile::tempdir().expect("a folder outside of the repository");
     let output = build(&places::xtask(), elsewhere.path(), None);
     let said = String::from_utf8_lossy(&output.stderr);
@@ -106,7 +106,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 }
 
 #[test]
-fn no_source_takes_a_folder_from_its_compilation() {
+fn no_source_uses_the_folder_in_which_it_was_compiled() {
     let root = places::root();
     let mut found = Vec::new();
     for package in [

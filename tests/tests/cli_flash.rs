@@ -1,4 +1,4 @@
-//! `flash`, with a stand-in for avrdude that keeps the fuses of a chip and logs how it was called.
+//! `flash`, with a stand-in for avrdude that keeps the fuses of a chip and logs its calls.
 
 use multidrop_testkit::places;
 mod sims;
@@ -144,12 +144,12 @@ fn fuses_are_shown_and_written_before_the_chip_is_erased() {
     // Once more there is nothing to write, and nothing to ask; bits that are no fuses may read as 0.
     fs::write(chip.path().join("efuse"), "0x04\n").expect("written");
     let output = run(&chip, "--programmer usbasp --fuses");
-    assert_ends(&output, 0, &["nothing is to be changed"]);
+    assert_ends(&output, 0, &["the fuses are set already"]);
     assert!(!log(&chip)[4..].iter().any(|call| call.contains("fuse:w:")));
 }
 
 #[test]
-fn bits_that_are_no_fuses_do_not_count() {
+fn bits_that_are_not_fuses_are_ignored() {
     let chip = chip(["0xff", "0xda", "0x05"]);
     fs::write(chip.path().join("masked"), "").expect("written");
     let output = run(&chip, "--programmer usbasp --fuses --yes");
@@ -170,7 +170,7 @@ fn bits_that_are_no_fuses_do_not_count() {
 }
 
 #[test]
-fn fuses_are_written_only_where_that_is_wanted() {
+fn fuses_are_written_only_after_confirmation() {
     for answer in ["", "n\n", "\n", "maybe\n"] {
         let chip = chip(SOLD);
         let output = answered(&chip, "--programmer usbasp --fuses", answer);
@@ -185,7 +185,7 @@ fn fuses_are_written_only_where_that_is_wanted() {
 }
 
 #[test]
-fn the_brown_out_level_goes_by_the_clock_or_is_said() {
+fn the_brown_out_level_follows_the_clock_or_the_option() {
     for (words, efuse) in [
         ("--bod 1.8", "0xfe"),
         ("--bod off", "0xff"),
@@ -203,7 +203,7 @@ fn the_brown_out_level_goes_by_the_clock_or_is_said() {
 }
 
 #[test]
-fn fuses_that_cannot_be_stop_it() {
+fn impossible_fuses_stop_the_command() {
     // No wire, and a chip whose SPIEN is off: neither can be read by a programmer.
     for wrong in [
         ["0x00"; 3],
@@ -216,19 +216,19 @@ fn fuses_that_cannot_be_stop_it() {
         assert_ends(
             &output,
             1,
-            &["cannot be what was read", "Nothing was written"],
+            &["impossible fuses were read", "Nothing was written"],
         );
         assert_eq!(log(&chip).len(), 1);
     }
     let chip = chip(SOLD);
     fs::write(chip.path().join("deaf"), "").expect("written");
     let output = run(&chip, "--programmer usbasp --fuses --yes");
-    assert_ends(&output, 1, &["were not taken over", "high 0xda"]);
+    assert_ends(&output, 1, &["were not written", "high 0xda"]);
     assert!(!log(&chip).iter().any(|call| call.contains("flash:w:")));
 }
 
 #[test]
-fn what_does_not_go_together_is_refused_by_name() {
+fn options_that_exclude_each_other_are_refused_by_name() {
     let chip = chip(SOLD);
     for (words, parts) in [
         (
@@ -274,7 +274,7 @@ fn options_that_an_stm32_does_not_have_are_refused_by_name() {
 }
 
 #[test]
-fn a_port_that_is_no_terminal_is_refused() {
+fn a_port_that_is_not_a_terminal_is_refused() {
     let chip = chip(SOLD);
     for (port, why) in [
         ("no/such/port", "there is no such port"),

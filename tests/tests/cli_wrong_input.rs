@@ -1,5 +1,5 @@
-//! What a user gets for a wrong word or value: a message that names it and what would be right,
-//! exit code 2, and nothing built, written or left behind.
+//! The answer to a wrong word or value: a message that names it and the accepted ones, exit code 2, and nothing
+//! built, written or left behind.
 
 use multidrop_testkit::places;
 
@@ -145,7 +145,7 @@ fn a_format_that_rtu_cannot_use() {
 }
 
 #[test]
-fn ascii_and_a_line_where_they_are_not_to_be_had() {
+fn ascii_and_line_options_of_other_images_are_refused() {
     let words = ["build", "nano", "registers", "--ascii"];
     refused("ascii", &words, &["--ascii", "registers", "conformance"]);
     assert_no_image("nano-registers-ascii");
@@ -174,7 +174,7 @@ fn a_link_that_exists_and_is_not_a_link() {
 }
 
 #[test]
-fn every_command_explains_itself() {
+fn every_command_has_help() {
     let folder = Folder::new("help");
     let commands = ["setup", "build", "sim", "demo", "test", "flash"];
     for command in commands {

@@ -1,5 +1,5 @@
-//! DE_LEAD and RESPONSE_DELAY on both boards: an answer starts when the delay behind t3.5 is over, with DE up for as long as it is to
-//! be before.
+//! DE_LEAD and RESPONSE_DELAY on both boards: an answer starts at the end of the delay after t3.5, and DE goes up
+//! before it by its lead.
 
 use multidrop_bus::{Time, Tx};
 use multidrop_testkit::frames::adu;
@@ -87,31 +87,31 @@ fn stm32(runner: Runner) -> Rig {
 }
 
 #[test]
-fn nano_answers_wait_as_long_as_they_are_to() {
+fn nano_answers_wait_for_de_lead_and_response_delay() {
     answers_wait_as_long_as_they_are_to(nano());
 }
 
 #[test]
-fn stm32_in_qemu_answers_wait_as_long_as_they_are_to() {
+fn stm32_in_qemu_answers_wait_for_de_lead_and_response_delay() {
     answers_wait_as_long_as_they_are_to(stm32(Runner::Qemu));
 }
 
 #[test]
-fn stm32_as_flashed_answers_wait_as_long_as_they_are_to() {
+fn stm32_as_flashed_answers_wait_for_de_lead_and_response_delay() {
     answers_wait_as_long_as_they_are_to(stm32(Runner::Core));
 }
 
 #[test]
-fn nano_who_talks_while_an_answer_waits_gets_the_next_one_only() {
+fn nano_a_request_while_an_answer_waits_replaces_that_answer() {
     who_talks_while_an_answer_waits_gets_the_next_one_only(nano());
 }
 
 #[test]
-fn stm32_in_qemu_who_talks_while_an_answer_waits_gets_the_next_one_only() {
+fn stm32_in_qemu_a_request_while_an_answer_waits_replaces_that_answer() {
     who_talks_while_an_answer_waits_gets_the_next_one_only(stm32(Runner::Qemu));
 }
 
 #[test]
-fn stm32_as_flashed_who_talks_while_an_answer_waits_gets_the_next_one_only() {
+fn stm32_as_flashed_a_request_while_an_answer_waits_replaces_that_answer() {
     who_talks_while_an_answer_waits_gets_the_next_one_only(stm32(Runner::Core));
 }

@@ -1,5 +1,5 @@
-//! The demonstration: that it comes to its end, that a pipe gets plain text, that a step which goes
-//! wrong is not told as if it went right, and that the bus it keeps up is a bus.
+//! The demonstration: it reaches its end, prints plain text to a pipe, reports a step that fails, and keeps its bus
+//! up on request.
 
 use multidrop_testkit::places;
 

@@ -1,4 +1,4 @@
-//! A unit that fails in the middle of its answer lets go of the bus: its neighbours are heard, and it answers again.
+//! A unit that fails in the middle of its answer takes DE down: its neighbours can send, and it answers again.
 
 use std::path::Path;
 
@@ -231,12 +231,12 @@ fn the_stm32_bounds_how_long_it_sends(runner: Runner) {
 }
 
 #[test]
-fn the_nano_bounds_how_long_it_sends() {
+fn the_nano_limits_the_time_of_a_transmission() {
     is_bounded(Board::Nano);
 }
 
 #[test]
-fn the_nano_lets_go_of_the_bus_when_it_panics() {
+fn a_panic_of_the_nano_takes_de_down() {
     use Failure::{Panic, PanicInInterrupt, UnhandledInterrupt};
     starts_anew(
         Board::Nano,
@@ -245,7 +245,7 @@ fn the_nano_lets_go_of_the_bus_when_it_panics() {
 }
 
 #[test]
-fn the_nano_tells_why_it_has_started() {
+fn the_nano_reports_its_reset_cause() {
     let mut desk = Desk::new(Board::Nano, LINE);
     desk.fail(Failure::Panic);
     desk.bus.run_for(BOOT);
@@ -362,7 +362,7 @@ fn is_guarded(board: Board, within: Time) {
 
 /// Its end is looked at when the watchdog is fed.
 #[test]
-fn the_nano_starts_anew_when_its_stack_is_used_up() {
+fn a_stack_overflow_resets_the_nano() {
     is_guarded(Board::Nano, WATCHDOG / 2 + Time::from_ms(100));
 }
 
@@ -379,7 +379,7 @@ fn stack(desk: &mut Desk) -> (usize, usize) {
 }
 
 #[test]
-fn the_nano_tells_how_deep_its_stack_was() {
+fn the_nano_reports_the_depth_of_its_stack() {
     let mut desk = Desk::new(Board::Nano, LINE);
     let (_, size) = stack(&mut desk);
     let (used, _) = stack(&mut desk);

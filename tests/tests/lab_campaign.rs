@@ -1,5 +1,5 @@
-//! Everything that goes wrong on a bus with three nodes, drawn by a seed: nodes that are not meant do
-//! not notice, none holds the bus, nothing is done by halves, and the next good request is answered.
+//! Random faults by a seed on a bus with three nodes: other nodes are not affected, none blocks the bus, no write is
+//! done in part, and the next good request is answered.
 
 use multidrop_bus::{
     Bus, BusConfig, Campaign, Fault, HostId, HostPort, Nano, NodeId, RxByte, Station, Time,

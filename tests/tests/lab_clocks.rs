@@ -1,4 +1,4 @@
-//! Nodes whose crystals are off: nothing is lost. Where it begins to fail is measured by `bench`.
+//! Nodes whose crystals are off lose no frame. `bench` measures the limit.
 
 use multidrop_bus::{Bus, BusConfig, Campaign, HostPort, Line, Nano, Time};
 use multidrop_testkit::model::Model;

@@ -1,5 +1,5 @@
-//! Thousands of requests of which one byte in a hundred is damaged: what a receiver by the book takes
-//! from the line decides what may be answered and changed, and nothing else may.
+//! Thousands of requests with one in a hundred bytes damaged: a receiver by the standard decides which of them may be
+//! answered and executed.
 
 use multidrop_bus::{Campaign, Damage, Format, Line, Tx, received};
 use multidrop_testkit::frames::{adu, data, words};
@@ -100,7 +100,7 @@ fn at_115200_8e1() {
 /// What a CRC cannot see: the damage turns one good frame into another, which is then what was
 /// asked for. Counted as `right_crc` above.
 #[test]
-fn damage_with_a_right_crc_is_what_it_says() {
+fn a_damaged_frame_with_a_matching_crc_is_executed_as_received() {
     let mut rig = Rig::registers(COUNT as u8, LINE);
     let (sent, arrives) = (words(1, 6, 3, 0x1234), words(1, 6, 3, 0x1235));
     let mut characters: Vec<Tx> = sent.iter().map(|&byte| Tx::byte(byte)).collect();

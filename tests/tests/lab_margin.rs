@@ -1,5 +1,5 @@
-//! Two clocks, and frames that are exactly t3.5 apart by the client's: what begins a little early by the unit's is a frame of
-//! its own, on both boards.
+//! Two clocks, and frames that are exactly t3.5 apart by the client's clock: a frame that begins slightly early by
+//! the unit's clock is a new frame, on both boards.
 
 use multidrop_bus::Line;
 use multidrop_testkit::pair::Pair;

@@ -1,5 +1,5 @@
-//! The record as text and as a wave form, read back by readers that share nothing with what wrote
-//! it: sigrok's UART and Modbus decoders, and a VCD parser.
+//! The record as text and as a wave form, read by independent readers: sigrok's UART and Modbus decoders, and a VCD
+//! parser.
 
 use multidrop_testkit::places;
 
@@ -62,7 +62,7 @@ fn said_of<'a>(annotations: &'a [Annotation], frame: &Frame) -> Vec<&'a str> {
 }
 
 #[test]
-fn sigrok_decodes_the_bus_as_we_do() {
+fn sigrok_decodes_the_bus_as_the_record_does() {
     let mut rig = Rig::registers(16, LINE);
     let mut damaged = words(1, 3, 0, 1);
     damaged[3] ^= 0x40;
@@ -147,7 +147,7 @@ fn lines(bus: &Bus) -> Vec<String> {
 }
 
 #[test]
-fn text_says_who_when_and_what() {
+fn the_text_has_sender_time_and_meaning() {
     let (mut bus, [client, server]) = two_hosts();
     bus.host(client).send(&words(17, 3, 107, 3));
     bus.run_for(Time::from_ms(5));
@@ -270,7 +270,7 @@ fn text_tells_ascii_frames_apart_by_their_characters() {
 }
 
 #[test]
-fn text_marks_what_is_wrong() {
+fn the_text_marks_errors() {
     let (mut bus, [client, server]) = two_hosts();
     let bytes = words(17, 6, 1, 3);
     let characters = bytes.iter().map(|&byte| Tx::byte(byte)).enumerate();

@@ -1,4 +1,4 @@
-//! A long record of all functions, read by sigrok's Modbus decoder: it must find in each frame what we find.
+//! A long record of all functions, read by sigrok's Modbus decoder: its findings must be those of the record.
 
 use multidrop_testkit::places;
 
@@ -92,7 +92,7 @@ fn quantity_fits(content: &[u8]) -> bool {
 }
 
 #[test]
-fn sigrok_finds_unit_function_addresses_and_crc_as_we_do() {
+fn sigrok_finds_the_fields_and_crc_of_the_record() {
     let mut rig = Rig::with(&[&conformance(Board::Nano, Way::Rtu, LINE)], LINE);
     rig.slack = Time::from_ms(15);
     let mut random = Random::new(7);

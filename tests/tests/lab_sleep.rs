@@ -1,6 +1,5 @@
-//! No wake-up is lost: an interrupt at every single cycle of a task's work and around falling
-//! asleep. The example `edges` of the HAL changes PB1 for every pin-change interrupt of PB0, through
-//! a task that the interrupt wakes.
+//! No wake-up is lost: an interrupt at every cycle of a task's work and around falling asleep. The example `edges` of
+//! the HAL changes PB1 for every pin-change interrupt of PB0, in a task that the interrupt wakes.
 
 use multidrop_bus::{Bus, BusConfig, Nano, NodeId, Pin, Time};
 use multidrop_testkit::example;
@@ -24,7 +23,7 @@ struct Outcome {
     /// Cycles at which the output changed.
     toggles: Vec<u64>,
     interrupts: u64,
-    /// Cycles awake.
+    /// Cycles in which the CPU was awake.
     work: u64,
 }
 

@@ -1,5 +1,5 @@
-//! Slow lines, whose silences are longer than a timer counts in one go, where the client's clock and the unit's differ: t1.5 and
-//! t3.5 are right by the unit's clock, and nothing is lost.
+//! Slow lines, whose silences are longer than one turn of a timer, with clocks of client and unit that differ: t1.5
+//! and t3.5 are right by the unit's clock, and no frame is lost.
 
 use multidrop_bus::{Format, Line, Station, Time, Tx};
 use multidrop_testkit::Runner;

@@ -1,4 +1,4 @@
-//! ASCII on the line, with the HAL's example `ascii_line`, which sends frames back: what is sent and expected here is text.
+//! ASCII on the line, with the HAL's example `ascii_line`, which echoes frames: the bytes here are text.
 
 use multidrop_bus::{Bus, BusConfig, Format, HostId, HostPort, Line, Nano, Time, Tx};
 use multidrop_testkit::{Rig, Rules, assert_bus_rules, example, frames};
@@ -88,7 +88,7 @@ fn lower_case_is_read_and_upper_case_sent() {
 }
 
 #[test]
-fn a_colon_begins_anew_after_any_character_and_nothing_is_told_of_it() {
+fn a_colon_begins_a_new_frame_and_the_old_one_is_not_reported() {
     let mut rig = rig();
     for cut in 0..REQUEST.len() {
         let whole = [&REQUEST[..cut], REQUEST].concat();
@@ -116,7 +116,7 @@ fn a_pause_of_most_of_a_second_is_allowed_anywhere_and_a_longer_one_nowhere() {
 }
 
 #[test]
-fn a_frame_that_never_ends_is_told_after_a_second() {
+fn a_frame_that_never_ends_is_reported_after_a_second() {
     let mut rig = rig();
     for cut in 1..REQUEST.len() {
         rig.expect_silence(&REQUEST[..cut]);
@@ -129,7 +129,7 @@ fn a_frame_that_never_ends_is_told_after_a_second() {
 
 /// One good request follows at once: it is answered, and the damaged one is not. Without its `:` it is no frame at all.
 #[test]
-fn a_character_damaged_on_the_wire_spoils_its_frame_and_no_other() {
+fn a_character_damaged_on_the_wire_voids_its_frame_and_no_other() {
     for format in [Format::E71, Format::N81] {
         let line = Line { format, ..START };
         let mut rig = rig();
@@ -176,7 +176,7 @@ fn a_character_damaged_on_the_wire_spoils_its_frame_and_no_other() {
 }
 
 #[test]
-fn wrong_text_is_told_once() {
+fn an_invalid_frame_is_reported_once() {
     let mut rig = rig();
     let longest = text(&[17; 255]);
     for (wrong, errors) in [
@@ -220,7 +220,7 @@ fn what_is_outside_of_a_frame_puts_an_answer_off_and_counts_nowhere() {
 }
 
 #[test]
-fn whoever_asks_anew_before_t3_5_is_answered_instead() {
+fn a_new_request_before_t3_5_is_answered_instead() {
     let mut rig = rig();
     let first = text(&[17, 1, 2, 3]);
     for gap in [Time::ZERO, START.t15(), START.t35() * 99 / 100] {
@@ -233,7 +233,7 @@ fn whoever_asks_anew_before_t3_5_is_answered_instead() {
 }
 
 #[test]
-fn neighbours_talk_without_any_silence() {
+fn frames_of_neighbours_without_silence_are_not_answered() {
     let mut rig = rig();
     let other = text(&[5, 3, 6, 2, 0x2B, 0, 0, 0, 0x64]);
     let mut all = b":0503000000".to_vec();

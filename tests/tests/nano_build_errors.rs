@@ -1,6 +1,6 @@
-//! What the Nano's board crate says at build time of what its chip cannot do: the message that a user reads.
+//! The build errors of the Nano's board crate for settings that the chip does not support.
 //!
-//! Each case is an example of a package that is written for the purpose; one run of the firmware's cargo checks them all.
+//! Each case is an example of a package that the test writes; one run of the firmware's cargo checks them all.
 
 use multidrop_testkit::places;
 
@@ -23,17 +23,17 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
         (
             "baud_low",
             port(".baud(300)"),
-            "port RS4: baud is 300, Timer1 counts no character that long, nearest is 338",
+            "port RS4: baud is 300, too slow: a character is too long for Timer1, nearest is 338",
         ),
         (
             "baud_slow",
             port(".baud(1_200)"),
-            "port RS4: baud is 1200, Timer1 counts no silence that long in one go: the line must be of type Rs485Slow or Rs485AsciiSlow",
+            "port RS4: baud is 1200, too long for one turn of Timer1: the line must be of type Rs485Slow or Rs485AsciiSlow",
         ),
         (
             "gap_long",
             port(".baud(38_400).inter_character(InterCharacter::Gap(50))"),
-            "port RS4: inter_character gap is 50, Timer1 counts no silence that long in one go: the line must be of type Rs485Slow or Rs485AsciiSlow",
+            "port RS4: inter_character gap is 50, too long for one turn of Timer1: the line must be of type Rs485Slow or Rs485AsciiSlow",
         ),
         (
             "slow_right",
@@ -261,7 +261,7 @@ fn cargo() -> Command {
 }
 
 #[test]
-fn what_the_nano_cannot_do_stops_the_build_and_says_why() {
+fn a_setting_that_the_nano_does_not_support_stops_the_build() {
     let root = places::root();
     let board = root.join("board-nano");
     let folder = places::scratch().join("nano_build_errors");

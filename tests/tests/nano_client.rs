@@ -1,4 +1,4 @@
-//! The client on the Nano: every function against the conformance image, and how soon it asks again.
+//! The client on the Nano: every function against the conformance image, and the pause between requests.
 
 use multidrop_bus::{
     Bus, BusConfig, Framing, HostId, HostPort, Level, Line, Nano, NodeId, Pin, Station, Time,
@@ -29,7 +29,7 @@ fn gaps(bus: &Bus, client: NodeId) -> Vec<Time> {
 }
 
 #[test]
-fn asks_every_function_of_the_conformance_image_once() {
+fn the_client_calls_every_function_of_the_conformance_image_once() {
     let (mut bus, client, host) = pair("client-functions", "conformance");
     let done = |bus: &mut Bus| bus.node(client).output(Pin::B5) == Level::High;
     assert!(bus.run_until(done, Time::from_s(20)), "{}", bus.record());
@@ -105,7 +105,7 @@ fn assert_soon(gaps: &[Time]) {
 
 /// The example of the HAL reads three blocks as often as it can: 16 registers, 16 coils, one register.
 #[test]
-fn a_scan_list_asks_without_a_pause() {
+fn a_poll_list_sends_requests_without_a_pause() {
     let mut bus = Bus::new(BusConfig::default());
     let client = bus
         .add_nano(Nano::new("client", example("poll")))
@@ -159,7 +159,7 @@ fn pauses(echo: bool) -> Vec<Time> {
 
 /// What RXD does while a node talks is no start bit of somebody else's.
 #[test]
-fn a_client_that_hears_itself_waits_no_longer_than_one_that_does_not() {
+fn a_client_with_an_echo_waits_no_longer_than_one_without() {
     let quiet = pauses(false);
     for (echoed, quiet) in pauses(true).into_iter().zip(quiet) {
         assert!(

@@ -1,5 +1,5 @@
-//! The line at other CPU clocks than the Nano's: 8, 11.0592 and 20 MHz, from the slowest rate that Timer1 counts to the
-//! fastest one that each takes, which is a sixteenth of the clock.
+//! The line at other CPU clocks than the Nano's: 8, 11.0592 and 20 MHz, from the slowest rate that Timer1 counts to
+//! the fastest rate, a sixteenth of the clock.
 
 use multidrop_bus::{Bus, BusConfig, Clock, Format, HostPort, Line, Nano, Time, Tx};
 use multidrop_testkit::{Rig, assert_bus_rules, frames, image};

@@ -1,5 +1,5 @@
-//! Damaged frames are dropped, whatever is wrong with them: no answer, nothing changed, and the next
-//! request is answered. Against the firmware in the simulator.
+//! Damaged frames are dropped: no answer, no change, and the next request is answered. Against the firmware in the
+//! simulator.
 
 use multidrop_bus::{Format, Line, Time, Tx};
 use multidrop_testkit::frames::{adu, block, data, words};
@@ -34,8 +34,8 @@ impl Bench {
         self.dropped_before(silence, characters, what);
     }
 
-    /// The same where a receiver may take an edge for a start bit that is none: what it makes of it
-    /// ends up to a character later than what was sent.
+    /// Checks that these characters are not answered, where a receiver may take an edge for a start bit: what it
+    /// receives then ends up to a character later than what was sent.
     #[track_caller]
     fn dropped_out_of_step(&mut self, characters: impl IntoIterator<Item = Tx>, what: &str) {
         let silence = self.rig.line.t35() * 105 / 100 + self.rig.line.character();
@@ -281,7 +281,7 @@ fn a_click_in_the_silence_after_a_request_is_not_talked_over() {
 /// An edge that is no character may hold an answer back for the time of one, and no longer. A click has two, and the line may look
 /// between them.
 #[test]
-fn a_click_of_1_us_takes_no_answer_away() {
+fn a_click_of_1_us_suppresses_no_answer() {
     for baud in [9_600, 38_400, 115_200] {
         let line = Line::n81(baud);
         let mut rig = Rig::registers(COUNT as u8, line);
@@ -326,7 +326,7 @@ fn the_wrong_baud_or_format() {
 }
 
 #[test]
-fn a_client_that_talks_into_the_answer() {
+fn a_client_that_sends_during_the_answer() {
     let mut bench = Bench::new(Format::N81);
     for at in 0..40 {
         let rig = &mut bench.rig;

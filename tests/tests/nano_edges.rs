@@ -1,4 +1,4 @@
-//! Edges on port D that tasks wait for, beside a server on the bus: neither loses anything by the other.
+//! Edges on port D for which tasks wait, beside a server on the bus: neither affects the other.
 
 use multidrop_bus::{Line, Nano, Pin, Time, Tx};
 use multidrop_testkit::frames::{block, data, words};
@@ -90,7 +90,7 @@ fn an_edge_at_every_cycle_about_a_character_is_seen_once() {
 }
 
 #[test]
-fn an_edge_anywhere_in_an_exchange_takes_no_answer_away() {
+fn an_edge_anywhere_in_an_exchange_suppresses_no_answer() {
     let mut rig = rig(115_200);
     connect(&mut rig);
     let node = rig.node();

@@ -1,4 +1,4 @@
-//! Faults that other stacks have or had, as regression tests against the firmware in the simulator.
+//! Faults that were found in other stacks, as regression tests against the firmware in the simulator.
 
 use multidrop_bus::{Bus, BusConfig, HostPort, Line, Station, Time, Tx};
 use multidrop_testkit::frames::{adu, be, block, claimed, data, exception, words};
@@ -112,7 +112,7 @@ fn fault_2_unknown_function_with_a_bad_crc_is_not_answered() {
 }
 
 #[test]
-fn fault_3_unit_255_is_no_broadcast() {
+fn fault_3_unit_255_is_not_a_broadcast() {
     let mut rig = Rig::full();
     let before = rig.state(128);
     for unit in 248..=255 {
@@ -175,7 +175,7 @@ fn fault_7_limits_are_not_off_by_one() {
 }
 
 #[test]
-fn fault_8_what_is_out_of_limits_is_refused_whole() {
+fn fault_8_a_request_out_of_limits_is_refused_whole() {
     let mut rig = Rig::full();
     let before = rig.state(128);
     for value in [0x0001, 0x00ff, 0x0100, 0x1234, 0xff01, 0xffff] {

@@ -1,5 +1,5 @@
-//! Silence makes frames: t1.5 and t3.5 at their edges, at four baud rates and two formats, against the
-//! firmware in the simulator.
+//! Silences: t1.5 and t3.5 at their limits, at four baud rates and two formats, against the firmware in the
+//! simulator.
 
 use multidrop_bus::{Bus, Line, Time, Tx};
 use multidrop_testkit::frames::{block, data, exception, words};

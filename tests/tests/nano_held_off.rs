@@ -1,5 +1,5 @@
-//! Interrupts of the Nano that have to wait, with the HAL's example `held_off`: characters that are lost by it are counted, and what
-//! is not lost is in time.
+//! Delayed interrupts of the Nano, with the HAL's example `held_off`: lost characters are counted, and everything
+//! else is in time.
 
 use multidrop_bus::{Answer, Line, Nano, NodeId, Pin, Time, Tx};
 use multidrop_testkit::frames::{adu, data, words};
@@ -146,7 +146,7 @@ fn an_alarm_that_waits_moves_no_other() {
 }
 
 #[test]
-fn alarms_that_have_passed_are_seen_to_when_interrupts_are_on_again() {
+fn alarms_that_have_passed_are_handled_when_interrupts_are_on_again() {
     for line in [LINE, Line::n81(9_600), Line::n81(115_200)] {
         let mut rig = rig(line);
         let (t1_5, t3_5) = (line.t15(), line.t35());
@@ -201,7 +201,7 @@ fn parts(line: Line) -> impl Iterator<Item = Time> {
 }
 
 #[test]
-fn a_character_that_waits_beside_an_alarm_is_looked_at_first() {
+fn a_character_that_waits_beside_an_alarm_is_handled_first() {
     for line in [LINE, Line::n81(9_600), Line::n81(115_200)] {
         let mut rig = rig(line);
         let (t1_5, t3_5) = (line.t15(), line.t35());

@@ -300,7 +300,7 @@ fn a_byte_count_that_does_not_fit() {
 }
 
 #[test]
-fn quantity_and_value_are_looked_at_before_the_address() {
+fn quantity_and_value_are_checked_before_the_address() {
     let mut requests: Vec<_> = [1, 2, 3, 4]
         .map(|function| words(1, function, 0xffff, 0))
         .to_vec();
@@ -311,7 +311,7 @@ fn quantity_and_value_are_looked_at_before_the_address() {
 }
 
 #[test]
-fn functions_that_are_not_there() {
+fn missing_functions_are_exception_01() {
     let (mut rig, before) = marked();
     let known = [1, 2, 3, 4, 5, 6, 0x0f, 0x10];
     for function in (0..=0xff).filter(|function| !known.contains(function)) {
@@ -360,7 +360,7 @@ fn other_broadcasts_do_nothing() {
 }
 
 #[test]
-fn other_units_are_left_to_themselves() {
+fn requests_to_other_units_are_not_answered() {
     let (mut rig, before) = marked();
     for unit in 2..=255 {
         rig.expect_silence(&words(unit, 6, 0, 0x1234));

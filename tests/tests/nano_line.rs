@@ -1,4 +1,4 @@
-//! The line by itself: sent frames, and settings changed at run time, with the HAL's example `line`.
+//! The line by itself: transmitted frames, and settings changed at run time, with the HAL's example `line`.
 
 use multidrop_bus::{
     Answer, Bus, BusConfig, Format, HostId, HostPort, Line, Nano, NodeId, Time, Tx,
@@ -46,7 +46,7 @@ fn change(bus: &mut Bus, host: HostId, format: usize, baud: u32) -> Vec<u8> {
     change_to(bus, host, &set_up(format, baud, STRICT), format, baud)
 }
 
-/// The same by this request.
+/// Changes the line by this request.
 fn change_to(bus: &mut Bus, host: HostId, request: &[u8], format: usize, baud: u32) -> Vec<u8> {
     bus.host(host).take();
     let end = bus.host(host).send(request);
@@ -67,7 +67,7 @@ fn change_to(bus: &mut Bus, host: HostId, request: &[u8], format: usize, baud: u
 }
 
 #[test]
-fn a_frame_is_sent_back_whole_and_by_the_rules() {
+fn a_frame_is_echoed_whole_and_in_time() {
     let (mut bus, _, host) = rig();
     for len in [2, 3, 17, 100, 254] {
         let body: Vec<u8> = (0..len).map(|index| (index * 37) as u8).collect();
@@ -79,7 +79,7 @@ fn a_frame_is_sent_back_whole_and_by_the_rules() {
 }
 
 #[test]
-fn the_line_speaks_every_format_once_it_is_told_to() {
+fn the_line_uses_every_format_that_is_loaded() {
     for (index, format) in FORMATS.into_iter().enumerate().take(RTU_FORMATS) {
         let (mut bus, _, host) = rig();
         let heard = change(&mut bus, host, index, 19_200);
@@ -113,7 +113,7 @@ fn settings_change_back_and_forth_and_every_frame_is_good() {
 }
 
 #[test]
-fn settings_that_cannot_be_made_are_refused_and_the_old_ones_kept() {
+fn unsupported_settings_are_refused_and_the_old_ones_kept() {
     let (mut bus, _, host) = rig();
     let bauds = [100, 300, 3_000_000, 6_000_000].map(|baud| (0, baud));
     let formats = (RTU_FORMATS..FORMATS.len()).map(|format| (format, 38_400));

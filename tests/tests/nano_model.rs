@@ -1,5 +1,5 @@
-//! The image `conformance` in the simulator against the plain model of its unit: random requests of all functions and damaged
-//! frames on the wire, and each time the same answer. All tables, counters and the log are read back again and again.
+//! The image `conformance` in the simulator against the plain model of its unit: random requests of all functions and
+//! damaged frames on the wire must give equal answers. All tables, counters and the log are read back repeatedly.
 
 use multidrop_testkit::conforms::{Board, at_115200, in_ascii, with_parity};
 

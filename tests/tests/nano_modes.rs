@@ -1,5 +1,5 @@
-//! A managed port in the simulator, the HAL's example `modes`: master and slave, RTU and ASCII, two bauds, switched by pins
-//! under traffic. Whatever is switched when, the node puts whole frames on the bus and nothing else.
+//! A managed port in the simulator, the HAL's example `modes`: master and slave, RTU and ASCII, two bauds, switched
+//! by pins under traffic. At any moment of a switch the node sends only whole frames.
 
 use multidrop_bus::{
     Bus, BusConfig, Format, HostId, HostPort, Level, Line, Nano, NodeId, Pin, Record, Station,
@@ -297,7 +297,7 @@ fn assert_whole_frames(record: &Record, node: NodeId) {
 }
 
 #[test]
-fn every_way_follows_every_other_and_the_next_request_is_right() {
+fn after_every_change_of_mode_the_next_request_is_right() {
     let mut rig = Rig::new(1);
     rig.expect_answer();
     for from in Way::all() {

@@ -1,5 +1,5 @@
-//! Reset and power cut of a node at every byte of a request and of an answer: the bus is let go at
-//! once, the others do not notice, and the node answers again after its restart.
+//! Reset and power cut of a node at every byte of a request and of an answer: DE goes down at once, the other nodes
+//! are not affected, and the node answers again after its restart.
 
 use multidrop_bus::{NodeId, Station, Time};
 use multidrop_testkit::frames::{data, words};

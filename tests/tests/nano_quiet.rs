@@ -1,5 +1,4 @@
-//! A node drives the bus for answers and for nothing else, boot and reset included, and sleeps when
-//! it has nothing to do.
+//! A node drives the bus only for answers, also during boot and reset, and sleeps when it has nothing to do.
 
 use std::path::{Path, PathBuf};
 
@@ -35,7 +34,7 @@ fn assert_untouched(bus: &Bus) {
     }
 }
 
-/// As [`Nano::new`], with what its SRAM holds after power-up.
+/// A node like that of [`Nano::new`], with the SRAM content of power-up.
 fn nano(image: &Path, seed: u64) -> Nano {
     Nano {
         seed,
@@ -87,7 +86,7 @@ fn a_reset_at_any_time_of_the_boot_drives_nothing() {
 }
 
 #[test]
-fn traffic_that_is_not_ours_is_not_answered() {
+fn traffic_of_other_units_is_not_answered() {
     let mut rig = Rig::full();
     let mut random = Random::new(7);
     for _ in 0..400 {
@@ -126,7 +125,7 @@ fn noise_on_an_idle_bus_is_not_answered() {
 }
 
 #[test]
-fn an_idle_node_sleeps_and_is_not_woken_by_what_it_does_not_need() {
+fn an_idle_node_sleeps_and_is_woken_by_the_line_only() {
     for (image, line) in [
         (
             registers(16, multidrop_testkit::LINE),

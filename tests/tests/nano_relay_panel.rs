@@ -1,4 +1,4 @@
-//! `relay-panel` on the bus, its server a plain model on a host: what is sent, shown, and done about every fault.
+//! `relay-panel` on the bus, its server a plain model on a host: requests, display, and the reaction to every fault.
 
 use multidrop_bus::{
     Bus, BusConfig, Frame, Framing, HostId, HostPort, Level, Nano, NodeId, Pin, Station, Time, Tx,
@@ -148,7 +148,7 @@ fn good(bytes: &[u8]) -> Answer {
 }
 
 #[test]
-fn it_polls_and_shows() {
+fn the_panel_polls_and_shows_the_relays() {
     let mut rig = Rig::new();
     rig.relays = [false, true];
     rig.run(Time::from_ms(1100));
@@ -215,7 +215,7 @@ fn the_state_is_asked_for_as_soon_as_the_toggle_is_answered() {
 
 /// Delayed, cut, doubled, corrupted at every byte, wrong: tried once more, and then right.
 #[test]
-fn a_poll_whose_answer_is_spoilt_is_tried_once_more() {
+fn a_poll_whose_answer_is_damaged_is_sent_again() {
     let mut rig = Rig::new();
     rig.relays = [true, false];
     rig.run(UP_TO_A_POLL);
@@ -318,7 +318,7 @@ fn a_toggle_whose_answer_is_lost_is_not_done_twice() {
 }
 
 #[test]
-fn a_toggle_that_did_not_arrive_is_sent_once_more() {
+fn a_toggle_that_did_not_arrive_is_sent_again() {
     let mut rig = Rig::new();
     rig.run(Time::from_ms(300));
     rig.check();
@@ -388,7 +388,7 @@ fn a_failure_is_shown_for_500_ms() {
 }
 
 #[test]
-fn a_board_that_is_not_there_is_told_of_and_found_again() {
+fn a_missing_board_is_shown_and_found_again() {
     let mut rig = Rig::new();
     rig.run_with(Time::from_s(2), |_, _| vec![]);
     assert!(rig.is_on(ERROR));

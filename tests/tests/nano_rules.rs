@@ -1,4 +1,4 @@
-//! What rules cost on the Nano: cycles and RAM of the HAL's example `rules`.
+//! The cost of rules on the Nano: cycles and RAM of the HAL's example `rules`.
 
 use multidrop_bus::{Bus, BusConfig, Level, Nano, Pin, Time};
 use multidrop_testkit::example;

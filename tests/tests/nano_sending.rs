@@ -1,4 +1,4 @@
-//! What a Nano hears and is told while it sends: itself, and settings for what comes after.
+//! A Nano during a transmission: its own echo, and settings for the next frame.
 
 use multidrop_bus::{Bus, Format, Line, Nano, Pin, Time, Tx};
 use multidrop_testkit::conforms::Board;
@@ -31,7 +31,7 @@ fn hears_itself(line: Line, echo: bool) -> Rig {
 }
 
 #[test]
-fn a_node_that_hears_itself_answers_as_one_that_does_not() {
+fn a_node_with_an_echo_answers_like_one_without() {
     for line in LINES {
         let baud = line.baud;
         let exchanges = [
@@ -74,7 +74,7 @@ fn a_node_that_hears_itself_answers_as_one_that_does_not() {
 }
 
 #[test]
-fn a_request_t35_after_an_answer_that_was_heard_by_its_sender_is_answered() {
+fn a_request_t3_5_after_an_echoed_answer_is_answered() {
     for line in LINES {
         let baud = line.baud;
         let mut rig = hears_itself(line, true);
@@ -105,7 +105,7 @@ const SETTINGS: [Line; 2] = [
 ];
 
 #[test]
-fn settings_that_change_while_a_frame_is_sent_are_those_of_the_next() {
+fn settings_changed_during_a_transmission_apply_to_the_next_frame() {
     let mut rig = Rig::nano(Nano::new("changes", example("changes")), SETTINGS[0]);
     let node = rig.node();
     rig.bus.node_mut(node).set_input(Pin::D3, Some(true));

@@ -1,4 +1,4 @@
-//! Several nodes on one bus, and long conversations held against a plain model.
+//! Several nodes on one bus, and long runs of requests against a plain model.
 
 use multidrop_bus::{Line, Station};
 use multidrop_testkit::frames::{adu, block, claimed, data, words};
@@ -63,7 +63,7 @@ fn units_keep_their_own_values() {
 }
 
 #[test]
-fn an_unplugged_unit_is_missed_by_nobody() {
+fn an_unplugged_unit_does_not_affect_the_others() {
     let mut rig = Rig::units(&[1, 2, 3]);
     for unplugged in 0..3 {
         let node = rig.nodes[unplugged];

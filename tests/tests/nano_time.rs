@@ -1,4 +1,4 @@
-//! `embassy-time` on the Nano: no alarm late or early, whatever turns over meanwhile, and asleep between them.
+//! `embassy-time` on the Nano: alarms are in time when counters wrap, and the CPU sleeps between them.
 
 use multidrop_bus::{Bus, BusConfig, Nano, NodeId, Pin, Time};
 use multidrop_testkit::example;
@@ -8,7 +8,7 @@ fn alone(name: &str) -> (Bus, NodeId) {
     alone_at(name, 16_000_000)
 }
 
-/// The same at another clock.
+/// A node alone on a bus at another clock.
 fn alone_at(name: &str, clock_hz: u32) -> (Bus, NodeId) {
     let mut bus = Bus::new(BusConfig::default());
     let node = bus

@@ -100,7 +100,7 @@ fn unit_10_refuses_with_the_printed_exception() {
 }
 
 #[test]
-fn frames_of_unit_17_are_nothing_to_unit_1() {
+fn frames_of_unit_17_do_not_affect_unit_1() {
     let mut rig = Rig::full();
     let before = rig.state(128);
     let frames: [&[u8]; 6] = [

@@ -1,4 +1,4 @@
-//! The rules of the bus that tests hold every record against: a node that keeps them passes, and each that breaks one is told.
+//! The rules of the bus that the tests check: a node that keeps them passes, and each violation is reported.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -43,7 +43,7 @@ fn a_node_that_keeps_the_rules_passes() {
 }
 
 #[test]
-fn a_driver_that_is_on_too_long_or_too_short_is_told() {
+fn a_driver_that_is_on_too_long_or_too_short_is_reported() {
     // A bit is 416 cycles: four of these waits in 16 cycles.
     for (symbols, what) in [
         (("LEAD", 150), "DE up too early"),
@@ -59,7 +59,7 @@ fn a_driver_that_is_on_too_long_or_too_short_is_told() {
 }
 
 #[test]
-fn an_answer_before_t3_5_is_told_to_the_microsecond() {
+fn an_answer_before_t3_5_is_reported_to_the_microsecond() {
     let bus = run(&[], LINE, []);
     let began = bus.record().bytes()[0].start;
     // The last character ends so long before the answer begins.
@@ -82,7 +82,7 @@ fn an_answer_before_t3_5_is_told_to_the_microsecond() {
 }
 
 #[test]
-fn two_that_talk_at_once_are_told() {
+fn two_senders_at_once_are_reported() {
     let began = run(&[], LINE, []).record().bytes()[0].start;
     let (mut bus, _, host) = multidrop_testkit::assembler::one("violates", &[], LINE);
     bus.run_to(began);
@@ -92,7 +92,7 @@ fn two_that_talk_at_once_are_told() {
 }
 
 #[test]
-fn an_answer_to_a_frame_with_a_gap_or_a_bad_character_is_told() {
+fn an_answer_to_a_frame_with_a_gap_or_a_bad_character_is_reported() {
     let with = |place: usize, wrong: fn(Tx) -> Tx| {
         let mut heard = frame();
         heard[place] = wrong(heard[place]);
@@ -119,7 +119,7 @@ fn an_answer_to_a_frame_with_a_gap_or_a_bad_character_is_told() {
 }
 
 #[test]
-fn characters_of_another_format_or_rate_are_told() {
+fn characters_of_another_format_or_rate_are_reported() {
     let even = Line {
         format: Format::E81,
         ..LINE
@@ -142,7 +142,7 @@ fn characters_of_another_format_or_rate_are_told() {
 }
 
 #[test]
-fn an_answer_to_a_frame_with_wrong_parity_is_told() {
+fn an_answer_to_a_frame_with_wrong_parity_is_reported() {
     for (format, ucsrc) in [(Format::E81, 0x26), (Format::O81, 0x36)] {
         let line = Line { format, ..LINE };
         let symbols = [("UCSRC", ucsrc)];

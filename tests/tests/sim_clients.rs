@@ -1,5 +1,5 @@
-//! What clients do to `sim`, and what it tells them: terminals that are left locked, links that are somebody else's, and time
-//! that the machine did not have.
+//! Clients of `sim`, and its messages: terminals that are left locked, links of others, and a machine that is too
+//! slow.
 
 use multidrop_testkit::places;
 mod sims;
@@ -130,7 +130,7 @@ fn a_link_that_no_sim_made_is_refused_and_kept() {
         let folder = Sim::folder();
         let link = folder.path().join("bus");
         symlink(&target, &link).expect("a link");
-        assert_refused(&registers(&folder), "which no sim made");
+        assert_refused(&registers(&folder), "which no sim has made");
         assert_eq!(fs::read_link(&link).expect("kept"), target);
         // The command says so too, before anything is built.
         let mut xtask = Command::new(places::xtask());
@@ -138,13 +138,13 @@ fn a_link_that_no_sim_made_is_refused_and_kept() {
         xtask.env("CARGO_MANIFEST_DIR", places::root());
         let words = ["sim", "registers", "--link", "bus", "--seconds", "0"];
         let output = xtask.args(words).output().expect("it runs");
-        assert_refused(&output, "which no sim made");
+        assert_refused(&output, "which no sim has made");
         assert_eq!(fs::read_link(&link).expect("kept"), target);
     }
 }
 
 #[test]
-fn what_cannot_be_kept_on_record_is_named() {
+fn a_link_that_cannot_be_recorded_is_named() {
     let folder = Sim::folder();
     let mut command = Sim::command(&folder, "registers", &[image("registers", &[])]);
     let output = command.env("TMPDIR", "/no/such/folder").output();
@@ -164,7 +164,7 @@ fn a_link_that_was_changed_meanwhile_is_kept() {
 }
 
 #[test]
-fn it_says_how_far_it_is_behind() {
+fn the_simulator_reports_how_far_it_is_behind() {
     let folder = Sim::folder();
     let mut command = Sim::command(&folder, "registers", &[image("registers", &[])]);
     command.args(["--seconds", "20"]);

@@ -1,4 +1,4 @@
-//! How `sim` ends: by whatever signal, it leaves no link, no process and no file.
+//! The end of `sim` by any signal: no link, no process and no file is left.
 
 use multidrop_testkit::places;
 mod sims;

@@ -1,5 +1,5 @@
-//! What guards the STM32's lines: characters that are damaged and read right all the same, a transceiver that hears its own port,
-//! settings that are changed while a port sends, pins, and interrupts. In the image that is flashed.
+//! The guards of the STM32's lines: characters with errors but right data, a transceiver with an echo, settings
+//! changed during a transmission, pins, and interrupts. In the image that is flashed.
 
 use multidrop_bus::{Bus, Format, Line, RxByte, Silicon, Time, Tx, WireByte};
 use multidrop_testkit::conforms::Board;
@@ -99,7 +99,7 @@ fn seven_bits_and_two_stop_bits_are_eight_of_which_the_last_is_one() {
 }
 
 #[test]
-fn another_end_of_ascii_frames_has_the_data_bits_of_a_character() {
+fn another_ascii_delimiter_fits_the_data_bits() {
     // Bit 7 of what FC 08/03 sets is there where a character has it.
     for (format, end) in [(Format::E71, 0x23), (Format::N81, 0xA3)] {
         let mut rig = unit(Way::Ascii, Line { format, ..LINE }).ascii();
@@ -157,7 +157,7 @@ fn answers(echo: bool) -> Vec<(Vec<u8>, Time)> {
 }
 
 #[test]
-fn a_server_that_hears_itself_answers_when_one_that_does_not_would() {
+fn a_server_with_an_echo_answers_like_one_without() {
     let deaf = answers(false);
     assert_eq!(deaf[0].0, adu(&FIVE));
     assert_eq!(deaf[4].0, words(17, 8, DAMAGED, 0));
@@ -176,7 +176,7 @@ fn polls(echo: bool) -> Vec<(Time, Time, u16)> {
 }
 
 #[test]
-fn a_client_that_hears_itself_asks_when_one_that_does_not_would() {
+fn a_client_with_an_echo_sends_like_one_without() {
     let deaf = polls(false);
     assert!(deaf.len() > 8 * 10, "{}", deaf.len());
     assert_eq!(polls(true), deaf);
@@ -248,7 +248,7 @@ fn silicon(desk: &mut Desk) -> &mut Silicon {
 }
 
 #[test]
-fn a_port_that_nothing_is_connected_to_hears_the_mark() {
+fn an_unconnected_port_receives_the_mark() {
     let mut desk = Desk::new(&ports(Runner::Core), Runner::Core.emulator(), &[]).expect("an image");
     let silicon = silicon(&mut desk);
     for (gpio, number) in [('A', 10), ('A', 3), ('B', 11), ('A', 1)] {

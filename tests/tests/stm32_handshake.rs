@@ -1,5 +1,5 @@
-//! A peer that takes CTS away and does not give it back: a frame waits for CTS_TIMEOUT, and no longer. In the image that is flashed:
-//! QEMU has no pins.
+//! A peer that keeps CTS off: a frame waits for CTS_TIMEOUT and no longer. In the image that is flashed, since QEMU
+//! has no pins.
 
 use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Line, MachineId, Stm32, Time, WireId};
 use multidrop_testkit::frames::{data, words};
@@ -133,7 +133,7 @@ fn cts_timeout_may_be_longer_than_the_timer_of_the_line_can_tell_past_from_futur
 }
 
 #[test]
-fn settings_wait_behind_it_no_longer() {
+fn settings_wait_no_longer_than_cts_timeout() {
     let mut desk = Desk::new();
     desk.hold(AS1, true);
     let slower = words(1, 6, 0, 2);

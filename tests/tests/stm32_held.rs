@@ -1,5 +1,6 @@
-//! The ports of the STM32 while interrupts are held off: characters that are lost, alarms that are past before they are set, and
-//! characters that are taken late. In the image that is flashed: QEMU's USARTs do not overrun, and it has no pin to hold with.
+//! The ports of the STM32 while interrupts are held off: lost characters, alarms that are past before they are set,
+//! and characters that are read late. In the image that is flashed: QEMU's USARTs do not overrun, and it has no pin
+//! to hold interrupts off with.
 
 use multidrop_bus::{Bus, BusConfig, HostId, HostPort, Line, MachineId, Stm32, Time, Tx, WireId};
 use multidrop_testkit::frames::{adu, data, words};
@@ -117,7 +118,7 @@ const DAMAGED: u16 = 0x0C;
 const OVERRUNS: u16 = 0x12;
 
 #[test]
-fn characters_that_nobody_took_are_told_as_overruns_and_their_frame_is_not_answered() {
+fn unread_characters_are_reported_as_overruns_and_their_frame_is_not_answered() {
     let mut desk = Desk::new();
     for port in 0..4 {
         // The first of two characters waits, the second is lost: any two but the first of all and the one behind it, which begin
@@ -158,7 +159,7 @@ fn the_log_has_the_overrun_in_its_receive_event() {
 }
 
 #[test]
-fn a_character_that_is_lost_between_two_reads_of_the_receiver_is_told_too() {
+fn a_character_lost_between_two_reads_of_the_receiver_is_reported_too() {
     let mut desk = Desk::new();
     let (mut answered, mut damaged) = (0, 0);
     // The last but one is taken about when the last is complete, in the middle of its stop bit.
@@ -183,7 +184,7 @@ fn a_character_that_is_lost_between_two_reads_of_the_receiver_is_told_too() {
 }
 
 #[test]
-fn an_alarm_that_is_seen_late_puts_no_answer_off() {
+fn a_late_alarm_delays_no_answer() {
     let mut desk = Desk::new();
     let t35 = LINE.t35();
     // t1.5 is over after 750 us, the frame stands after 1677, the answer begins after 1750.
@@ -233,7 +234,7 @@ fn alarms_of_all_ports_at_once_go_off_all() {
 }
 
 #[test]
-fn a_character_on_one_port_takes_no_alarm_of_another_away() {
+fn a_character_on_one_port_does_not_suppress_the_alarm_of_another() {
     let mut desk = Desk::new();
     for (port, other) in [(RS4, 0), (0, RS4), (1, 2)] {
         let end = desk.send(port, &read());
@@ -282,7 +283,7 @@ fn silence_counts_from_the_last_character_also_where_that_is_taken_late() {
 }
 
 #[test]
-fn the_last_character_is_waited_for_also_where_it_is_handed_over_late() {
+fn the_last_character_is_awaited_even_if_it_is_written_late() {
     let mut desk = Desk::new();
     // The transmitter runs dry when the one before the last is over, about when it is given the last one.
     for step in 0..100 {
@@ -344,7 +345,7 @@ fn start_bits_are_each_ports_own() {
 }
 
 #[test]
-fn a_port_that_hears_itself_takes_no_time_from_others() {
+fn a_port_with_an_echo_takes_no_time_from_others() {
     let mut desk = Desk::new();
     for (loud, other) in [(RS4, 0), (0, RS4), (2, 1)] {
         for port in [loud, other] {

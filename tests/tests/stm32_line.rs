@@ -1,4 +1,4 @@
-//! The lines of the STM32: when they answer, what they take for a frame, and four of them at once.
+//! The lines of the STM32: the time of answers, the limits of a frame, and four lines at once.
 
 use multidrop_bus::{
     Bus, BusConfig, HostId, HostPort, Line, MachineId, Parts, Stm32, Time, Tx, WireId,
@@ -12,7 +12,7 @@ on_both! {
     answers_begin_at_t3_5,
     a_frame_is_what_has_no_gap_over_t1_5,
     a_request_at_t3_5_after_another_units_is_heard,
-    a_click_of_1_us_takes_no_answer_away,
+    a_click_of_1_us_suppresses_no_answer,
     with_gaps_allowed_t3_5_still_has_its_margin,
     a_gap_in_ms_ends_a_frame,
     every_port_answers_at_1200_baud,
@@ -85,7 +85,7 @@ fn a_request_at_t3_5_after_another_units_is_heard(runner: Runner) {
 }
 
 /// An edge that is no character may hold an answer back for the time of one, and no longer.
-fn a_click_of_1_us_takes_no_answer_away(runner: Runner) {
+fn a_click_of_1_us_suppresses_no_answer(runner: Runner) {
     let mut rig = Rig::stm32(&stm32_registers(runner), runner, LINE);
     for us in (1..100).chain((100..1_750).step_by(53)) {
         let end = rig.bus.host(rig.host).send(&request());

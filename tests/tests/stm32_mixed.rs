@@ -18,7 +18,7 @@ fn ask(terminal: &mut File, request: &[u8], len: usize) -> Vec<u8> {
 }
 
 #[test]
-fn a_pc_reads_what_was_collected_and_reaches_the_nanos() {
+fn a_pc_reads_the_collected_values_and_reaches_the_nanos() {
     let mut images: Vec<PathBuf> = ["1", "2", "3"]
         .iter()
         .map(|unit| multidrop_testkit::image("demo-unit", &["--unit", unit]))

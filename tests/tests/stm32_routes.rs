@@ -1,5 +1,5 @@
 //! The router of `ports`, from AS1 and AS2 to units on RS4 that are slow, late or missing, for clients that do not
-//! wait. The scan list asks on RS4 beside it all the time. The units are a host that answers by a script.
+//! wait. The poll list sends requests on RS4 all the time. The units are a host that answers by a script.
 
 mod routes;
 

@@ -1,5 +1,5 @@
-//! The images of the STM32 that are flashed, in a chip that is modelled after the manual: what they set it to, and how they get on
-//! with its clocks, counters and pins.
+//! The flashed images of the STM32 in a chip that is modelled after the manual: its registers as the firmware sets
+//! them, clocks, counters and pins.
 
 use std::path::PathBuf;
 
@@ -25,7 +25,7 @@ const AIRCR: u32 = 0xE000_ED0C;
 const USARTS: [u32; 4] = [0x4001_1000, 0x4000_4400, 0x4000_4800, 0x4000_4C00];
 const BRR: u32 = 0x08;
 
-/// `ports`, booted.
+/// A desk on which `ports` has booted.
 fn desk() -> Desk {
     Desk::new(&ports(Runner::Core), Runner::Core.emulator(), &[]).expect("a valid image")
 }
@@ -191,7 +191,7 @@ fn the_same_again_is_the_same_to_the_instruction() {
 }
 
 #[test]
-fn a_crystal_that_is_off_takes_the_whole_chip_with_it() {
+fn a_crystal_that_is_off_shifts_all_clocks_of_the_chip() {
     // 0.2 % slow: the characters of the answer take so much longer.
     let mut bus = Bus::new(BusConfig::default());
     let mut emulator = Runner::Core.emulator();

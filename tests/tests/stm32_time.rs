@@ -1,5 +1,5 @@
-//! Intervals of the STM32's lines that follow rate and format, and that the line's timer goes round in; and the time that the crystal
-//! is given. In the image that is flashed.
+//! Intervals of the STM32's lines at each rate and format, also when the line's timer wraps; and the time for the
+//! crystal to start. In the image that is flashed.
 
 use multidrop_bus::{
     Answer, Bus, BusConfig, Emulator, Format, HostPort, Line, Stm32, Time, WireId,
@@ -71,7 +71,7 @@ fn polls(wrap_us: u64) -> Vec<(Time, u16)> {
 }
 
 #[test]
-fn a_client_asks_when_it_is_to_wherever_the_lines_timer_goes_round() {
+fn a_client_sends_in_time_wherever_the_lines_timer_wraps() {
     // Two requests, the time until the first is given up, and the silence behind it.
     let ever = polls(1 << 30);
     assert!(ever.len() >= 8 * 2, "{}", ever.len());

@@ -1,4 +1,4 @@
-//! The watchdog lets those live who are alive: on a silent bus, and in the longest frames at the slowest rate.
+//! The watchdog does not reset a unit that works: on a silent bus, and in the longest frames at the slowest rate.
 
 use multidrop_bus::{Bus, BusConfig, Format, HostId, HostPort, Line, Stm32, Time, WireId};
 use multidrop_testkit::conforms::Board;

@@ -17,7 +17,7 @@ const COUNTS: [u8; 2] = [16, 128];
 /// The two bauds that are measured in full, and all at which requests must not be lost.
 const BAUDS: [u32; 6] = [38_400, 57_600, 115_200, 250_000, 500_000, 1_000_000];
 
-/// The same of the STM32 in QEMU.
+/// Items in each table, and the bauds, of the STM32 in QEMU.
 const STM32_COUNT: u8 = 128;
 const STM32_BAUDS: [u32; 5] = [38_400, 115_200, 500_000, 1_000_000, 2_000_000];
 
@@ -30,7 +30,7 @@ const UNITS: [u8; 3] = [1, 2, 3];
 /// Where the figures are shown, from the root of the repository.
 const GUIDE: &str = "docs/src/figures.md";
 
-/// The same of the server on the host.
+/// The file of the kept figures of the server on the host.
 const KEPT_HOST: &str = "figures/host.json";
 
 /// Measures and prints the table.
@@ -82,7 +82,7 @@ pub fn run(json: Option<&Path>, record: bool, short: bool) -> Result<(), Error> 
     repo::run(&mut latency(&builder)?)
 }
 
-/// Tells how long a client of `sim` waits, and measures nothing else.
+/// Shows how long a client of `sim` waits, and measures nothing else.
 ///
 /// # Errors
 /// As [`run`].
@@ -97,7 +97,7 @@ pub fn tell_latency() -> Result<(), Error> {
     repo::run(&mut latency(&Builder::new()?)?)
 }
 
-/// The command that tells how long a client of `sim` waits: by the clock on the wall, so it is kept nowhere.
+/// The command that measures how long a client of `sim` waits: by wall-clock time, so the figure is not kept.
 fn latency(builder: &Builder) -> Result<Command, Error> {
     let mut latency = program("multidrop-tests", "latency")?;
     let root = repo::root();
@@ -136,14 +136,14 @@ fn on_host() -> Command {
     host
 }
 
-/// As [`check`], of the server on the host.
+/// Checks the figures of the server on the host, as [`check`] does those of the boards.
 pub fn check_on_host() -> Command {
     let mut host = on_host();
     host.arg("--check");
     host
 }
 
-/// What cannot be written is said now, not after the measurements.
+/// Checks the path before the measurements.
 fn check_json(path: &Path) -> Result<(), Error> {
     let refused = |why| {
         Err(Error::usage(format!(
@@ -154,7 +154,9 @@ fn check_json(path: &Path) -> Result<(), Error> {
     // The folder of a bare name is the current one, which is given as an empty path.
     match path.parent() {
         _ if path.is_dir() => refused("it is a folder"),
-        Some(folder) if !Path::new(".").join(folder).is_dir() => refused("its folder is not there"),
+        Some(folder) if !Path::new(".").join(folder).is_dir() => {
+            refused("its folder does not exist")
+        }
         _ => Ok(()),
     }
 }
@@ -210,7 +212,7 @@ fn near(path: &str) -> PathBuf {
     }
 }
 
-/// Those of the STM32 that are flashed.
+/// The images of the STM32 that are flashed.
 fn flashed_images() -> Result<Vec<(String, Image)>, Error> {
     let apps = Board::Stm32.apps().iter();
     apps.map(|&app| {
@@ -220,7 +222,7 @@ fn flashed_images() -> Result<Vec<(String, Image)>, Error> {
     .collect()
 }
 
-/// Those that QEMU runs, and the Nanos beside it.
+/// The images that QEMU runs, and those of the Nanos beside it.
 fn machine_images() -> Result<Vec<(String, Image)>, Error> {
     let qemu = Options {
         qemu: true,
@@ -248,7 +250,7 @@ fn machine_images() -> Result<Vec<(String, Image)>, Error> {
     Ok(images)
 }
 
-/// Each image with application, count and baud as `bench` wants to be told.
+/// Each image with application, count and baud, for the options of `bench`.
 fn images() -> Result<Vec<(String, Image)>, Error> {
     let demo = Image::new(Board::Nano, App::DemoUnit, Options::default())?;
     let mut images = vec![("demo-unit:1:38400".to_owned(), demo)];
@@ -267,7 +269,8 @@ fn images() -> Result<Vec<(String, Image)>, Error> {
     images.push(("registers-guarded:16:38400".to_owned(), image));
     for count in COUNTS {
         for baud in BAUDS {
-            // What an application does by itself is not asked for: the images that others build too.
+            // The application's own settings are not given as options, so that these are the images that others build
+            // too.
             let options = Options {
                 count: (count != 16).then_some(count),
                 baud: (baud != 38_400).then_some(baud),
@@ -305,7 +308,7 @@ fn compiler(toolchain: &Toolchain, board: Board) -> String {
     )
 }
 
-/// Its version, without the last part.
+/// The version of QEMU, without the last part.
 fn qemu() -> Option<String> {
     let told = repo::output_of(Command::new("qemu-system-arm").arg("--version"))?;
     let version = told.split_whitespace().nth(3)?;
@@ -322,7 +325,7 @@ mod tests {
         let here = repo::root();
         for (path, why) in [
             (here.to_owned(), "it is a folder"),
-            (here.join("no/such/file.json"), "its folder is not there"),
+            (here.join("no/such/file.json"), "its folder does not exist"),
         ] {
             let error = check_json(&path).expect_err("refused");
             assert_eq!(error.code(), 2);

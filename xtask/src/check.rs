@@ -7,11 +7,11 @@ use crate::needs::Purpose;
 use crate::repo::SIMULATED;
 use crate::scenario::{LineOptions, Scenario};
 use crate::tally::{Counts, Tally};
-use crate::{bench, front, guide, layers, layout, mutants, package, python, repo, setup};
+use crate::{bench, front, guide, layers, layout, mutants, package, python, repo, setup, words};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-/// Which stream a tool prints its summary to.
+/// The stream to which a tool prints its summary.
 enum Summary {
     Rust,
     Python,
@@ -66,6 +66,7 @@ fn run_all(tally: &mut Tally) {
     headline("README, guide and API documentation");
     guide::run(tally);
     front::run(tally);
+    words::run(tally);
 
     let builder = Builder::new();
     match &builder {
@@ -167,7 +168,7 @@ fn run_all(tally: &mut Tally) {
     run_tests(tally, "clients in Python", clients, Summary::Python);
 }
 
-/// Every image that a test or scenario takes.
+/// All images that a test or scenario uses.
 fn all_images() -> Vec<Image> {
     let registers = |options: Options| Image::new(Board::Nano, App::Registers, options);
     let variants = [
@@ -251,7 +252,7 @@ fn check(tally: &mut Tally, name: &str, command: &mut Command) {
     tally.check(name, outcome.is_ok());
 }
 
-/// Runs a tool, shows what it prints as it comes, and counts by its summary.
+/// Runs a tool, shows its output at once, and counts by its summary.
 fn run_tests(tally: &mut Tally, name: &str, mut command: Command, summary: Summary) {
     headline(name);
     match summary {

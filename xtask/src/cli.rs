@@ -1,4 +1,4 @@
-//! The words and options of the command line, and the answer to wrong ones.
+//! The commands and options of the command line, and the answer to wrong ones.
 
 use crate::fuses::Bod;
 use crate::image::{App, Board, Bootloader, Format, Options};
@@ -19,15 +19,15 @@ struct Cli {
 /// One command with its options.
 #[derive(Subcommand)]
 pub enum Command {
-    /// Install the compilers, the simulator's libraries and the test programs; say what was done.
+    /// Install the compilers, the simulator's libraries and the test programs; print what was done.
     Setup {
-        /// Only report what is there and what is missing; exit 1 if something is.
+        /// Only list what is installed and what is missing; exit 1 if anything is missing.
         #[arg(long)]
         check: bool,
     },
-    /// Build a firmware image and print the flash and static RAM it takes.
+    /// Build a firmware image and print its flash and static RAM.
     ///
-    /// The last line is `image: PATH`. The .hex file to flash stands beside it.
+    /// The last line is `image: PATH`. The .hex file to flash is in the same folder.
     Build(ImageRequest),
     /// Run a simulated bus in real time on a pseudo terminal.
     ///
@@ -44,51 +44,51 @@ pub enum Command {
     /// Build a program that only tests run, or an example of the Nano's HAL; the last line is `image: PATH`.
     #[command(hide = true)]
     Example {
-        /// The program.
+        /// The name of the program.
         name: String,
-        /// Of the STM32's board.
+        /// For the STM32's board.
         #[arg(long)]
         stm32: bool,
-        /// For QEMU.
+        /// For an STM32 in QEMU.
         #[arg(long, requires = "stm32")]
         qemu: bool,
         /// Baud rate, for those that take one.
         #[arg(long)]
         baud: Option<u32>,
     },
-    /// Plant faults in the code and show which of them no test sees; exit 1 if one of the kept list is not.
+    /// Plant faults in the code and list those that no test detects; exit 1 if one of the kept list is not detected.
     ///
-    /// A sample of cargo-mutants over protocol, firmware and apps, or what changed since a revision, tested by the tests of the mutated crate;
-    /// and the kept list of tests/planted over everything.
+    /// A sample of cargo-mutants over protocol, firmware and apps, or what changed since a revision, tested by the tests of the
+    /// mutated crate; and the kept list of tests/planted over everything.
     Mutants(MutantsRequest),
     /// Write an image to a board.
     Flash(FlashRequest),
     /// Measure sizes, turnaround, jitter, interrupts, sleep and limits on the simulated bus.
     ///
-    /// The STM32's four ports are loaded for ten minutes of bus time, for which the host takes some three.
+    /// The STM32's four ports are loaded for ten minutes of bus time, which takes the host about three minutes.
     Bench {
         /// Write all figures as JSON to this file too.
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
-        /// Keep these figures: `test` fails where they change.
+        /// Record these figures: `test` fails if they change.
         #[arg(long)]
         record: bool,
-        /// Without the ten minutes: what is kept of them is shown, and stays.
+        /// Leave the ten minutes out: their recorded figures are shown and kept.
         #[arg(long)]
         short: bool,
-        /// Only tell how long a client of `sim` waits for an answer, which takes a minute.
+        /// Only show how long a client of `sim` waits for an answer, which takes a minute.
         #[arg(long, conflicts_with_all = ["json", "record", "short"])]
         latency: bool,
     },
 }
 
-/// Which image: a board, an application, and the options compiled into it.
+/// The image to build: a board, an application, and the options compiled into it.
 #[derive(Args)]
 pub struct ImageRequest {
-    /// The board.
+    /// The board of the image.
     #[arg(value_enum)]
     pub board: Board,
-    /// The application.
+    /// The application of the image.
     #[arg(value_enum)]
     pub app: App,
     #[command(flatten)]
@@ -104,7 +104,7 @@ pub struct ImageOptions {
     /// Items in each table of registers, 1..=128 [default: 16]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=128))]
     count: Option<u8>,
-    /// Baud rate, 300..=1000000 (stm32: 641..=2000000), within 2.5 % of what the clock makes [default: 38400]
+    /// Baud rate, 300..=1000000 (stm32: 641..=2000000); the clock must make it within 2.5 % [default: 38400]
     #[arg(long, value_name = "N")]
     baud: Option<u32>,
     /// Character format: data bits, parity, stop bits; those of 7 bits with --ascii [default: 8N1]
@@ -116,10 +116,10 @@ pub struct ImageOptions {
     /// ASCII instead of RTU, for conformance; 7E1 if no format is given
     #[arg(long)]
     ascii: bool,
-    /// registers with the guards that every other application has: watchdog, stack guard, bound on DE
+    /// Build registers with the guards that all other applications have: watchdog, stack guard, bound on DE
     #[arg(long)]
     guarded: bool,
-    /// Boot loader of the nano: build takes new and flash old if nothing is said. With old the watchdog is left out
+    /// Boot loader of the nano [default: new for build, old for flash]. With old the watchdog is left out
     #[arg(long, value_enum)]
     bootloader: Option<Bootloader>,
     /// For the stm32 in QEMU, as the simulated bus runs it
@@ -143,13 +143,13 @@ impl From<&ImageOptions> for Options {
     }
 }
 
-/// Which bus, and how long.
+/// The bus to run, and how long.
 #[derive(Args)]
 pub struct SimRequest {
     /// The bus to run.
     #[arg(value_enum)]
     pub scenario: Scenario,
-    /// The link to the pseudo terminal that is made, and removed at the end.
+    /// The link to the pseudo terminal; it is removed at the end.
     #[arg(long, value_name = "PATH", default_value = "./bus")]
     pub link: PathBuf,
     /// End after this many seconds.
@@ -158,26 +158,26 @@ pub struct SimRequest {
     /// Send this canned message onto the bus once the nodes listen; a wrong name lists them.
     #[arg(long, value_name = "NAME")]
     pub inject: Option<String>,
-    /// Run an STM32 in QEMU: it is not in real time then.
+    /// Run an STM32 in QEMU, slower than real time.
     #[arg(long)]
     pub qemu: bool,
     #[command(flatten)]
     pub line: LineOptions,
 }
 
-/// Which image goes where.
+/// The image to write, and the place to write it to.
 #[derive(Args)]
 pub struct FlashRequest {
     #[command(flatten)]
     pub image: ImageRequest,
-    /// The serial port of the board, or of the programmer; that of the board is found by itself where there is only one.
+    /// The serial port of the board, or of the programmer; not needed if the board has the only one.
     #[arg(long, value_name = "TTY")]
     pub port: Option<PathBuf>,
     /// Write the nano without a boot loader, through a programmer that avrdude knows: usbasp, usbtiny, avrisp2,
     /// stk500v1 (an Arduino as programmer), ...
     #[arg(long, value_name = "NAME")]
     pub programmer: Option<String>,
-    /// Set the fuses of the nano first: brown-out level, a reset starts the application, EEPROM kept; shown, and asked for
+    /// Set the fuses of the nano first: brown-out level, reset to the application, EEPROM kept. Shows them and asks
     #[arg(long)]
     pub fuses: bool,
     /// The brown-out level in V [default: 4.3 at 16 MHz and more, 2.7 at 8 MHz]
@@ -200,7 +200,7 @@ pub fn parse() -> Command {
     }
 }
 
-/// clap suggests a similar word; a user is better served by all of them.
+/// clap suggests a similar word; the list of all words is more helpful.
 fn unknown_command(error: &clap::Error) -> String {
     let word = match error.get(ContextKind::InvalidSubcommand) {
         Some(ContextValue::String(word)) => word.as_str(),
@@ -223,7 +223,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_definition_is_sound() {
+    fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
     }
 

@@ -1,10 +1,10 @@
-//! Why a command ends early, and the exit code that tells a script whose fault it was.
+//! Why a command ends early, and the exit code that tells who is to blame.
 
 use std::fmt::Display;
 use std::process::ExitCode;
 
-/// A command's end: exit code 2 where the caller asked for something impossible, 1 where the work
-/// itself failed, or the code of the program that this one stood in for.
+/// The end of a command: exit code 2 if the caller asked for something impossible, 1 if the work itself failed, or
+/// the code of the program that replaced this one.
 #[derive(Debug)]
 pub struct Error {
     message: Option<String>,
@@ -12,7 +12,7 @@ pub struct Error {
 }
 
 impl Error {
-    /// The caller's: a wrong word or value, or a tool that is not installed. Nothing was done yet.
+    /// A fault of the caller: a wrong word or value, or a tool that is not installed. Nothing was done.
     pub fn usage(message: impl Into<String>) -> Self {
         Self {
             message: Some(message.into()),
@@ -20,7 +20,7 @@ impl Error {
         }
     }
 
-    /// Ours, or the tool's that was run: the work was begun and could not be finished.
+    /// A fault of this program, or of a tool that it ran: the work was begun and could not be finished.
     pub fn failed(message: impl Into<String>) -> Self {
         Self {
             message: Some(message.into()),
@@ -28,7 +28,7 @@ impl Error {
         }
     }
 
-    /// What went wrong is on the terminal already; only the exit code is left to give.
+    /// The fault is on the terminal already; only the exit code is left.
     pub fn silent(code: u8) -> Self {
         Self {
             message: None,
@@ -41,7 +41,7 @@ impl Error {
         Self::failed(format!("{what}: {error}"))
     }
 
-    /// Prints the message, if there is one, and gives the exit code.
+    /// Prints the message, if there is one, and returns the exit code.
     pub fn report(&self) -> ExitCode {
         if let Some(message) = &self.message {
             eprintln!("error: {message}");

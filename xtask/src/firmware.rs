@@ -12,7 +12,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What an image is made from: folders, and the manifest from which their packages inherit.
+/// The sources of an image: folders, and the manifest from which their packages inherit.
 const SOURCES: &[&str] = &["protocol", "firmware", "apps", "Cargo.toml"];
 
 /// The Nano's HAL.
@@ -20,9 +20,8 @@ const HAL: &str = "board-nano/embassy-avr-hal";
 
 /// `build`: the image, its sizes, and its path on the last line.
 ///
-/// # Errors
-/// [`Error::usage`] for an image that cannot be had or a missing compiler, before anything is
-/// built; else what cargo said.
+/// [`Error::usage`] for an image that does not exist or a missing compiler, before anything is built; else the error
+/// of cargo.
 pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
     let image = Image::new(request.board, request.app, (&request.options).into())?;
     setup::require(&[Purpose::Firmware, purpose_of(image.board())])?;
@@ -39,14 +38,14 @@ pub fn build_and_show(request: &ImageRequest) -> Result<(), Error> {
     Ok(())
 }
 
-/// What is said of an image for the old boot loader.
+/// The note for an image for the old boot loader.
 pub const WITHOUT_WATCHDOG: &str =
-    "without watchdog: the old boot loader would start again and again after a reset by it";
+    "without watchdog: after a reset by the watchdog the old boot loader would restart for ever";
 
 /// `example`: a program that only tests run, or an example of the Nano's HAL, and its path on the last line.
 ///
 /// # Errors
-/// [`Error::usage`] for a missing compiler, before anything is built; else what cargo said.
+/// [`Error::usage`] for a missing compiler, before anything is built; else the error of cargo.
 pub fn build_example(name: &str, stm32: bool, qemu: bool, baud: Option<u32>) -> Result<(), Error> {
     let board = if stm32 { Board::Stm32 } else { Board::Nano };
     setup::require(&[Purpose::Firmware, purpose_of(board)])?;
@@ -55,7 +54,7 @@ pub fn build_example(name: &str, stm32: bool, qemu: bool, baud: Option<u32>) -> 
     Ok(())
 }
 
-/// What building for a board needs beside the compiler.
+/// What building for a board needs besides the compiler.
 pub fn purpose_of(board: Board) -> Purpose {
     match board {
         Board::Nano => Purpose::Avr,
@@ -77,13 +76,13 @@ impl Builder {
         Ok(Self { toolchain })
     }
 
-    /// The compiler.
+    /// The compiler for the firmware.
     pub fn toolchain(&self) -> &Toolchain {
         &self.toolchain
     }
 
-    /// Builds `image` unless it stands there already, made from the same sources, options and
-    /// compiler. Gives the full path of the ELF file.
+    /// Builds `image`, unless its file was made from these sources, options and compiler already. Returns the full
+    /// path of the ELF file.
     ///
     /// # Errors
     /// [`Error::failed`] when cargo or avr-objcopy fails.
@@ -94,8 +93,8 @@ impl Builder {
         let folder = elf.parent().expect("a file in a folder");
         fs::create_dir_all(folder).map_err(|error| Error::io(folder.display(), error))?;
 
-        // All images of an application come out of cargo under one name: until it is copied, no
-        // other build may begin.
+        // Cargo builds all images of an application under one name: until the image is copied, no other build may
+        // begin.
         let lock_path = folder.join("lock");
         let lock =
             File::create(&lock_path).map_err(|error| Error::io(lock_path.display(), error))?;
@@ -111,7 +110,7 @@ impl Builder {
         if fresh && elf.exists() && (hex.exists() || !has_hex) {
             return Ok(elf);
         }
-        // What stands there is of this stamp no more, should we not come to the end.
+        // If this build fails, the file must not have the old stamp.
         match fs::remove_file(&stamp) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
                 return Err(Error::io(stamp.display(), error));
@@ -129,7 +128,7 @@ impl Builder {
             whole::made(&hex, |hex| {
                 job::run(
                     Command::new("avr-objcopy")
-                        // The hex file is for the flash alone; EEPROM has its own.
+                        // The hex file is for the flash only; EEPROM has its own.
                         .args(["-O", "ihex", "-R", ".eeprom"])
                         .args([elf.as_path(), hex]),
                 )
@@ -180,7 +179,7 @@ impl Builder {
         let Some(baud) = baud else {
             return Ok(made.into());
         };
-        // The next rate has the same name.
+        // The image at another rate has the same name.
         let kept = format!(
             "target/firmware/{}-example-{name}-baud{baud}{}.elf",
             word(board),
@@ -215,8 +214,8 @@ impl Builder {
         job::run(&mut cargo)
     }
 
-    /// Names everything that the image depends on. The contents of the sources count, not their
-    /// dates, which a checkout changes.
+    /// A key of everything that the image depends on. The contents of the sources count, not their dates, which a
+    /// checkout changes.
     fn key(&self, image: &Image) -> Result<String, Error> {
         let mut files = Vec::new();
         let board = image.board().folder();
@@ -237,7 +236,7 @@ impl Builder {
     }
 }
 
-/// Every file below `path`, build results aside.
+/// Every file below `path`, except build results.
 pub fn collect_files(path: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
     if !path.is_dir() {
         files.push(path.to_owned());

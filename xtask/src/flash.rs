@@ -14,8 +14,8 @@ use std::process::Command;
 /// Builds the image and has avrdude or probe-rs write it.
 ///
 /// # Errors
-/// [`Error::usage`] before anything is built when the image cannot be had, an option is not of this board, or a program or
-/// the port is missing; else what the program said.
+/// [`Error::usage`] before anything is built if the image does not exist, an option is not for this board, or a
+/// program or the port is missing; else the error of the program.
 pub fn run(request: &FlashRequest) -> Result<(), Error> {
     let wanted = &request.image;
     let image = Image::new(wanted.board, wanted.app, (&wanted.options).into())?;
@@ -47,7 +47,7 @@ fn through_programmer(
 ) -> Result<(), Error> {
     if !matches!(image.bootloader(), None | Some(Bootloader::None)) {
         return Err(Error::usage(
-            "--bootloader: a programmer writes without one, and erases it; --programmer takes none alone",
+            "--bootloader: a programmer erases the boot loader; with --programmer only none is accepted",
         ));
     }
     let image = image.with_bootloader(Bootloader::None);
@@ -61,7 +61,7 @@ fn through_programmer(
     setup::require(&[Purpose::Firmware, Purpose::Avr])?;
     let hex = Builder::new()?.build(&image)?.with_extension("hex");
     if let Some(bod) = bod {
-        // First of all: the fuse that keeps the EEPROM has to be set when the chip is erased.
+        // First, since the fuse that keeps the EEPROM must be set when the chip is erased.
         fuses::set(&programmer, bod, request.yes)?;
     }
     programmer.write(&[format!("flash:w:{}:i", hex.display())])
@@ -92,7 +92,7 @@ fn through_boot_loader(
     })
 }
 
-/// What probe-rs calls the chip.
+/// The name of the chip in probe-rs.
 const CHIP: &str = "STM32F405RG";
 
 fn flash_stm32(request: &FlashRequest, image: &Image) -> Result<(), Error> {
@@ -128,18 +128,18 @@ fn flash_stm32(request: &FlashRequest, image: &Image) -> Result<(), Error> {
     repo::run(&mut reset)
 }
 
-/// The baud rate of a boot loader, and the other one there is.
+/// The baud rate of a boot loader, and the name of the other boot loader.
 fn speed(bootloader: Bootloader) -> Result<(&'static str, &'static str), Error> {
     match bootloader {
         Bootloader::Old => Ok(("57600", "new")),
         Bootloader::New => Ok(("115200", "old")),
         Bootloader::None => Err(Error::usage(
-            "--bootloader none: without one it takes a programmer; name yours with --programmer",
+            "--bootloader none: this needs a programmer; name it with --programmer",
         )),
     }
 }
 
-/// `-D`: the boot loader erases page by page and cannot erase the chip.
+/// With `-D`, since the boot loader erases page by page and cannot erase the chip.
 fn arguments(baud: &str, port: &Path, hex: &Path) -> Vec<String> {
     let port = port.display().to_string();
     let write = format!("flash:w:{}:i", hex.display());

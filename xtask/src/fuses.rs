@@ -1,7 +1,7 @@
-//! The fuses of the ATmega328P (DS40002061B 28.2, Fuse Bits): which are changed here, to what, and how they are read out.
+//! The fuses of the ATmega328P (DS40002061B 28.2, Fuse Bits): those that are changed, and how they are read.
 //!
-//! Three are: the brown-out level, where a reset starts, and whether the EEPROM outlives an erasure of the chip. Those that can
-//! shut a programmer out (CKSEL, SPIEN, RSTDISBL, DWEN) never are.
+//! Three fuses are changed: the brown-out level, the start address after a reset, and whether an erasure of the chip
+//! keeps the EEPROM. Those that can lock a programmer out (CKSEL, SPIEN, RSTDISBL, DWEN) are never changed.
 
 use crate::error::Error;
 use crate::programmer::Programmer;
@@ -9,13 +9,13 @@ use clap::ValueEnum;
 use std::fmt;
 use std::io::BufRead;
 
-/// Of the high fuse byte (Table 28-8). A fuse that is 0 is programmed.
+/// Fuses of the high byte (Table 28-8). A fuse that is 0 is programmed.
 const RSTDISBL: u8 = 1 << 7;
 const SPIEN: u8 = 1 << 5;
 const EESAVE: u8 = 1 << 3;
 const BOOTRST: u8 = 1 << 0;
 
-/// Of the extended fuse byte (Table 28-6).
+/// Fuses of the extended byte (Table 28-6).
 const BODLEVEL: u8 = 0b111;
 
 /// The supply below which the chip is held in reset, typically (System and Reset Characteristics, BODLEVEL Fuse Coding).
@@ -30,16 +30,16 @@ pub enum Bod {
     /// 1.8 V: for clocks to 4 MHz
     #[value(name = "1.8")]
     V18,
-    /// Never
+    /// No brown-out reset
     #[value(name = "off")]
     Off,
 }
 
 impl Bod {
-    /// For a clock, where there is no doubt.
+    /// The level for a clock, if only one is suitable.
     ///
     /// # Errors
-    /// [`Error::usage`] for a clock between the two that boards are sold with.
+    /// [`Error::usage`] for a clock between the two with which boards are sold.
     pub fn of_clock(hz: u32) -> Result<Self, Error> {
         match hz {
             16_000_000.. => Ok(Self::V43),
@@ -61,7 +61,7 @@ impl Bod {
     }
 }
 
-/// The three bytes.
+/// The three fuse bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fuses {
     low: u8,
@@ -70,7 +70,7 @@ pub struct Fuses {
 }
 
 impl Fuses {
-    /// From what avrdude printed of the three.
+    /// The fuses from avrdude's output.
     fn parse(printed: &str) -> Option<Self> {
         let byte = |word: &str| u8::from_str_radix(word.strip_prefix("0x")?, 16).ok();
         let mut bytes = printed.split_whitespace().map(byte);
@@ -83,7 +83,8 @@ impl Fuses {
         })
     }
 
-    /// For a Nano without a boot loader: a reset starts the application, an erasure of the chip spares the EEPROM.
+    /// The fuses of a Nano without a boot loader: a reset starts the application, and an erasure of the chip keeps
+    /// the EEPROM.
     fn without_boot_loader(self, bod: Bod) -> Self {
         Self {
             low: self.low,
@@ -92,12 +93,12 @@ impl Fuses {
         }
     }
 
-    /// Whether a programmer can have read this: with the one off or the other on there is nothing to be read.
+    /// Whether a programmer can have read these: without SPIEN, or with RSTDISBL or DWEN, nothing can be read.
     fn is_possible(self) -> bool {
         self.high & SPIEN == 0 && self.high & RSTDISBL != 0
     }
 
-    /// The bits that are fuses: the others of the extended byte read as 1 or as 0, and avrdude writes them as 0.
+    /// The bits that are fuses: the other bits of the extended byte read as 1 or as 0, and avrdude writes them as 0.
     fn used(self) -> Self {
         Self {
             extended: self.extended & BODLEVEL,
@@ -105,7 +106,7 @@ impl Fuses {
         }
     }
 
-    /// What writes those of `after` that differ.
+    /// The operations that write the bytes of `after` that differ.
     fn writes(self, after: Self) -> Vec<String> {
         let high = (self.high != after.high).then(|| format!("hfuse:w:{:#04x}:m", after.high));
         let extended = self.used().extended != after.used().extended;
@@ -144,10 +145,10 @@ impl fmt::Display for Fuses {
     }
 }
 
-/// Reads the fuses, shows them as they are and as they are to be, asks unless `is_sure`, and writes what differs.
+/// Reads the fuses, shows their old and new values, asks unless `is_sure`, and writes the bytes that differ.
 ///
 /// # Errors
-/// [`Error::failed`] when that was not wanted, when nothing sensible can be read, and when they are not what was written.
+/// [`Error::failed`] if the answer is no, if the fuses read are impossible, or if they are not as written.
 pub fn set(programmer: &Programmer, bod: Bod, is_sure: bool) -> Result<(), Error> {
     let before = read(programmer)?;
     let after = before.without_boot_loader(bod);
@@ -155,7 +156,7 @@ pub fn set(programmer: &Programmer, bod: Bod, is_sure: bool) -> Result<(), Error
     println!("fuses after:  {after}");
     let writes = before.writes(after);
     if writes.is_empty() {
-        println!("nothing is to be changed");
+        println!("the fuses are set already");
         return Ok(());
     }
     if bod == Bod::V43 && before.extended != after.extended {
@@ -170,7 +171,7 @@ pub fn set(programmer: &Programmer, bod: Bod, is_sure: bool) -> Result<(), Error
     let read = read(programmer)?;
     if read.used() != after.used() {
         return Err(Error::failed(format!(
-            "the fuses were not taken over; they are: {read}"
+            "the fuses were not written; they are: {read}"
         )));
     }
     println!("fuses written");
@@ -182,7 +183,7 @@ fn read(programmer: &Programmer) -> Result<Fuses, Error> {
     match Fuses::parse(&printed) {
         Some(fuses) if fuses.is_possible() => Ok(fuses),
         _ => Err(Error::failed(format!(
-            "the fuses cannot be what was read: {}; look at the wires of the programmer. Nothing was written",
+            "impossible fuses were read: {}; check the wires of the programmer. Nothing was written",
             printed.split_whitespace().collect::<Vec<_>>().join(" ")
         ))),
     }

@@ -1,12 +1,12 @@
-//! The fuzz targets: their corpus is replayed always, and each runs for a while where a C++ compiler is found.
+//! The fuzz targets: their corpus is always replayed, and each target runs for a while if there is a C++ compiler.
 //!
-//! What cargo-fuzz would do is done here in a few lines, so that it need not be installed: the code
-//! under test has no `unsafe` for a sanitizer to watch, and the rest works with a stable compiler.
+//! This does what cargo-fuzz would do, so that it need not be installed: the code under test has no `unsafe` for a
+//! sanitizer to watch, and the rest works with a stable compiler.
 
 use crate::repo;
 use std::process::Command;
 
-/// Crates of their own, apart from the workspace: libFuzzer is C++.
+/// The targets are a workspace of their own, since libFuzzer is C++.
 const FOLDER: &str = "fuzz";
 
 const TARGETS: [&str; 6] = [
@@ -23,7 +23,7 @@ const BUILT: &str = "target/fuzz";
 
 const SECONDS: u32 = 20;
 
-/// Coverage for libFuzzer as cargo-fuzz asks for it, and checks of overflow.
+/// The flags of cargo-fuzz for libFuzzer's coverage, and overflow checks.
 const FLAGS: &[&str] = &[
     "--cfg",
     "fuzzing",
@@ -67,12 +67,12 @@ pub fn checks() -> Vec<(String, Command)> {
                 checks.push((name, run(target, &triple)));
             }
         }
-        Err(missing) => println!("\nfuzzing: the corpus is replayed only; {missing}"),
+        Err(missing) => println!("\nfuzzing: only the corpus is replayed; {missing}"),
     }
     checks
 }
 
-/// The host's triple, if its compilers can build the targets; else what is missing.
+/// The host's triple if its compilers can build the targets, else what is missing.
 fn compiler() -> Result<String, &'static str> {
     if std::env::var_os("CXX").is_none() && repo::in_path("c++").is_none() {
         return Err("to fuzz, install a C++ compiler (Debian: g++)");
@@ -84,7 +84,7 @@ fn compiler() -> Result<String, &'static str> {
     });
     triple
         .map(str::to_owned)
-        .ok_or("rustc does not tell its host")
+        .ok_or("rustc does not print its host")
 }
 
 fn cargo(command: &str, arguments: &[&str]) -> Command {
@@ -97,7 +97,7 @@ fn cargo(command: &str, arguments: &[&str]) -> Command {
     cargo
 }
 
-/// For the named triple, which keeps the flags from what cargo runs itself.
+/// Builds for the named triple, so that the flags do not apply to programs that cargo runs itself.
 fn build(triple: &str) -> Command {
     let mut cargo = cargo("build", &["--release", "--bins", "--target", triple]);
     cargo.env("CARGO_ENCODED_RUSTFLAGS", FLAGS.join("\x1f"));
@@ -110,7 +110,7 @@ fn run(target: &str, triple: &str) -> Command {
     let built = repo::root().join(BUILT);
     let (found, failed) = (built.join("found").join(target), built.join("failed"));
     for folder in [&found, &failed] {
-        // The run tells that it is missing.
+        // If it fails, the run reports that the folder is missing.
         let _ = std::fs::create_dir_all(folder);
     }
     let mut fuzzer = Command::new(built.join(triple).join("release").join(target));

@@ -1,5 +1,5 @@
-//! What README, guide and the other texts of the repository promise: their links lead somewhere, their Rust code is that of
-//! files which are compiled, and the guide names all its chapters.
+//! Checks of README, guide and the other texts of the repository: links lead to files, Rust code is from files that
+//! are compiled, and the guide names all its chapters.
 
 use crate::error::Error;
 use crate::repo;
@@ -32,7 +32,7 @@ pub const DOCUMENTED: [&str; 5] = [
     "xtask",
 ];
 
-/// Checks all texts below `root`, and says what is wrong with them: one line for each fault.
+/// Checks all texts below `root`; returns one line for each fault.
 ///
 /// # Errors
 /// [`Error::failed`] when a text cannot be read.
@@ -79,12 +79,9 @@ pub fn check(root: &Path) -> Result<Vec<String>, Error> {
             }
         }
     }
-    let mut sources = Vec::new();
-    collect(root, Path::new(""), "rs", &mut sources)?;
-    sources.sort();
-    for path in sources {
+    for path in sources(root)? {
         for line in ignored(&read(&path)?) {
-            let what = "code of the documentation is compiled: no `ignore`";
+            let what = "code in doc comments must be compiled: `ignore` is not allowed";
             faults.push(format!("{}:{line}: {what}", path.display()));
         }
     }
@@ -111,7 +108,7 @@ pub fn check(root: &Path) -> Result<Vec<String>, Error> {
     Ok(faults)
 }
 
-/// Checks the texts, builds the guide where mdbook is there, and the API documentation.
+/// Checks the texts, builds the guide if mdbook is there, and the API documentation.
 pub fn run(tally: &mut Tally) {
     let faults = check(repo::root()).unwrap_or_else(|error| vec![error.message().to_owned()]);
     for fault in &faults {
@@ -147,7 +144,18 @@ fn run_counted(tally: &mut Tally, name: &str, command: &mut Command) {
     tally.check(name, outcome.is_ok());
 }
 
-/// The files with this extension below `folder`, from `root`; not what a build has made, nor what is hidden.
+/// All Rust files below `root`, from there, in the order of their paths.
+///
+/// # Errors
+/// [`Error::failed`] when a folder cannot be read.
+pub fn sources(root: &Path) -> Result<Vec<PathBuf>, Error> {
+    let mut sources = Vec::new();
+    collect(root, Path::new(""), "rs", &mut sources)?;
+    sources.sort();
+    Ok(sources)
+}
+
+/// The files with this extension below `folder`, from `root`; without build results and hidden files.
 /// The files with this extension below a folder, build results and hidden files aside.
 pub fn collect(
     root: &Path,
@@ -172,7 +180,7 @@ pub fn collect(
     Ok(())
 }
 
-/// The lines of Rust comments that begin code which rustdoc does not compile.
+/// The lines of doc comments that begin code which rustdoc does not compile.
 fn ignored(source: &str) -> impl Iterator<Item = usize> {
     let is_ignored = |line: &str| {
         let comment = line.trim_start().strip_prefix("//");
@@ -191,11 +199,11 @@ fn ignored(source: &str) -> impl Iterator<Item = usize> {
 struct Block {
     line: usize,
     code: String,
-    /// What a comment before it says it is from: `<!-- from: PATH:ANCHOR -->`.
+    /// The source that a comment before the block names: `<!-- from: PATH:ANCHOR -->`.
     from: Option<String>,
 }
 
-/// What a text holds that can be wrong, each with its line.
+/// The parts of a text that are checked, each with its line.
 #[derive(Default)]
 struct Parsed {
     links: Vec<(usize, String)>,
@@ -247,7 +255,7 @@ impl Parsed {
         parsed
     }
 
-    /// The headings as links name them: a repeated one has a number behind it.
+    /// The anchors of the headings; a repeated one has a number appended.
     fn anchors(&self) -> Vec<String> {
         let mut seen: BTreeMap<&str, usize> = BTreeMap::new();
         let mut anchors = Vec::new();
@@ -274,7 +282,7 @@ fn source_of(html: &str) -> Option<String> {
     Some(inside.strip_suffix(" -->")?.to_owned())
 }
 
-/// Whether inline code names a file or folder of the repository. What a build makes is in `target`.
+/// Whether inline code names a file or folder of the repository. Build results are in `target`.
 fn is_path(code: &str) -> bool {
     const FOLDERS: [&str; 11] = [
         "protocol/",
@@ -293,7 +301,7 @@ fn is_path(code: &str) -> bool {
     FOLDERS.iter().any(|folder| code.starts_with(folder)) && code.chars().all(is_plain)
 }
 
-/// A heading as mdBook and GitHub name it in links.
+/// The anchor of a heading in mdBook and on GitHub.
 fn slug(heading: &str) -> String {
     let kept = heading.trim().chars().filter_map(|c| match c {
         ' ' => Some('-'),
@@ -304,7 +312,7 @@ fn slug(heading: &str) -> String {
     kept.collect()
 }
 
-/// Where a link of the text `from` leads, from the root of the repository; nothing if it leads out of that.
+/// The target of a link in the text `from`, from the root of the repository; `None` if it is outside.
 fn joined(from: &Path, link: &str) -> Option<PathBuf> {
     let target = link.split('#').next().unwrap_or_default();
     if target.is_empty() {
@@ -326,12 +334,16 @@ fn check_link(root: &Path, from: &Path, link: &str, package: Option<&str>) -> Re
     if link.contains("://") || link.starts_with("mailto:") {
         return Ok(());
     }
-    let target = joined(from, link).ok_or("it leads out of the repository")?;
+    let target = joined(from, link).ok_or("the target is outside of the repository")?;
     if from.starts_with(CHAPTERS) && !target.starts_with(CHAPTERS) {
-        return Err("it leads out of the guide, which is read without the repository".to_owned());
+        return Err(
+            "the target is outside of the guide, which is read without the repository".to_owned(),
+        );
     }
     if package.is_some_and(|folder| !target.starts_with(folder)) {
-        return Err("it leads out of the package, which is read without the repository".to_owned());
+        return Err(
+            "the target is outside of the package, which is read without the repository".to_owned(),
+        );
     }
     if !root.join(&target).exists() {
         return Err("there is no such file".to_owned());
@@ -353,14 +365,14 @@ fn check_link(root: &Path, from: &Path, link: &str, package: Option<&str>) -> Re
 fn check_block(root: &Path, from: &Path, block: &Block, is_chapter: bool) -> Result<(), String> {
     if is_chapter {
         let included = included(&block.code).ok_or(
-            "Rust code of the guide is one {{#include PATH:ANCHOR}} of a file that is compiled",
+            "Rust code in the guide must be one {{#include PATH:ANCHOR}} of a compiled file",
         )?;
         return anchored(root, from, included).map(drop);
     }
     let source = block
         .from
         .as_deref()
-        .ok_or("Rust code has <!-- from: PATH:ANCHOR --> in the line before it")?;
+        .ok_or("Rust code must have <!-- from: PATH:ANCHOR --> in the line before it")?;
     let source = anchored(root, from, source)?;
     let lines = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
     let (shown, right) = (lines(&block.code), lines(&source));
@@ -386,10 +398,10 @@ fn included(code: &str) -> Option<&str> {
 fn anchored(root: &Path, from: &Path, source: &str) -> Result<String, String> {
     let (path, name) = source
         .split_once(':')
-        .ok_or_else(|| format!("{source}: there is no anchor behind the path"))?;
-    let file = joined(from, path).ok_or_else(|| format!("{path} leads out of the repository"))?;
+        .ok_or_else(|| format!("{source}: the path has no anchor"))?;
+    let file = joined(from, path).ok_or_else(|| format!("{path} is outside of the repository"))?;
     if file.extension().is_none_or(|extension| extension != "rs") || file.starts_with("docs") {
-        return Err(format!("{path} is no Rust file that is compiled"));
+        return Err(format!("{path} is not a compiled Rust file"));
     }
     let text = fs::read_to_string(root.join(&file)).map_err(|error| format!("{path}: {error}"))?;
     let (begin, end) = (

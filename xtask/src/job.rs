@@ -1,4 +1,4 @@
-//! Programs that are run for us and end with us: none goes on when the command is interrupted or killed.
+//! Programs that are run as part of a command: all of them end when the command is interrupted or killed.
 
 use crate::error::Error;
 use crate::repo;
@@ -15,15 +15,15 @@ use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How often a wait looks at whether it is to end.
+/// The interval at which a wait checks whether it must end.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// Set by the first signal that asks for the end.
+/// Whether a signal has requested the end.
 static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
 const ENDING: [Signal; 3] = [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP];
 
-/// From now on Ctrl-C, SIGTERM and SIGHUP end the command in good order.
+/// Installs handlers: from now on Ctrl-C, SIGTERM and SIGHUP end the command in good order.
 ///
 /// # Errors
 /// [`Error::failed`] if the system refuses.
@@ -36,12 +36,12 @@ pub fn watch() -> Result<(), Error> {
     Ok(())
 }
 
-/// Whether a signal has asked for the end.
+/// Whether a signal has requested the end.
 pub fn is_stopped() -> bool {
     STOP.get().is_some_and(|stop| stop.load(Ordering::Relaxed))
 }
 
-/// An error once a signal has asked for the end.
+/// Returns an error if a signal has requested the end.
 ///
 /// # Errors
 /// Exit code 1, without a message.
@@ -53,10 +53,10 @@ pub fn check() -> Result<(), Error> {
     }
 }
 
-/// Waits until `done`.
+/// Waits until `done` returns true.
 ///
 /// # Errors
-/// What `done` says; and as [`check`].
+/// The error of `done`; and as [`check`].
 pub fn wait_until(mut done: impl FnMut() -> Result<bool, Error>) -> Result<(), Error> {
     while !done()? {
         check()?;
@@ -65,7 +65,8 @@ pub fn wait_until(mut done: impl FnMut() -> Result<bool, Error>) -> Result<(), E
     Ok(())
 }
 
-/// As [`repo::run`], for a program that starts others, as cargo does: all of them end with us.
+/// Runs a command like [`repo::run`], for a program that starts others, as cargo does: all of them end with this
+/// program.
 ///
 /// # Errors
 /// [`Error::failed`] if it fails; and as [`check`].
@@ -74,7 +75,7 @@ pub fn run(command: &mut Command) -> Result<(), Error> {
     succeeded(status, &repo::shown(command))
 }
 
-/// As [`run`]; gives what the program printed.
+/// Runs a command like [`run`]; returns what the program printed.
 ///
 /// # Errors
 /// As [`run`].
@@ -83,8 +84,8 @@ pub fn output_of(command: &mut Command) -> Result<String, Error> {
     succeeded(status, &repo::shown(command)).map(|()| printed)
 }
 
-/// As [`output_of`], for a program that may fail, or not come to an end: then it is ended when `patience` is over, with all that it has
-/// started, and has no status.
+/// Runs a command like [`output_of`], for a program that may fail or not end: it is ended when `patience` is over,
+/// with all that it has started, and has no status.
 ///
 /// # Errors
 /// [`Error::failed`] if it cannot be run; and as [`check`].
@@ -100,7 +101,7 @@ pub fn output_within(
         printed.read_to_end(&mut text).map(|_| text)
     });
     let ended = end_of(command, patience);
-    // The end of the pipe that is for the program closes with it here.
+    // The end of the pipe that belongs to the program closes with it here.
     command.stdout(Stdio::null());
     let status = ended?;
     let text = reader.join().expect("reading does not panic");
@@ -117,7 +118,7 @@ fn succeeded(status: Option<ExitStatus>, shown: &str) -> Result<(), Error> {
     }
 }
 
-/// Runs it to its end, or until `patience` is over: no status then.
+/// Runs a command to its end, or until `patience` is over: no status then.
 fn end_of(command: &mut Command, patience: Duration) -> Result<Option<ExitStatus>, Error> {
     let group = Group::new()?;
     let begun = Instant::now();
@@ -138,8 +139,8 @@ fn end_of(command: &mut Command, patience: Duration) -> Result<Option<ExitStatus
     waited.map(|()| status)
 }
 
-/// A process group with a watcher in it, which reads from us: when there is nobody any more to read from, even after SIGKILL,
-/// it ends the whole group.
+/// A process group with a watcher in it, which reads from this program: when this program is gone, even by SIGKILL,
+/// the watcher ends the whole group.
 struct Group(Child);
 
 impl Group {
@@ -171,8 +172,9 @@ impl Drop for Group {
     }
 }
 
-/// Replaces this program by `command`, of which only the program, the arguments and the environment count. A signal that comes
-/// meanwhile is the new program's: they are blocked until it lets them in. Comes back only if that fails.
+/// Replaces this program by `command`, of which only the program, the arguments and the environment count. A signal
+/// that comes meanwhile goes to the new program: signals are blocked until it accepts them. Returns only if that
+/// fails.
 pub fn become_program(command: &Command) -> Error {
     let name = command.get_program().to_string_lossy().into_owned();
     let failed = |reason: String| Error::failed(format!("{name}: {reason}"));
@@ -212,7 +214,7 @@ pub fn become_program(command: &Command) -> Error {
     }
 }
 
-/// The program that cargo has built, from what it printed as JSON.
+/// The program that cargo has built, from cargo's JSON messages.
 pub fn executable(printed: &str) -> Option<PathBuf> {
     let built = printed.lines().rev().find_map(|line| {
         let (_, rest) = line.split_once("\"executable\":\"")?;
@@ -235,7 +237,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_program_is_the_last_that_cargo_tells_of() {
+    fn the_program_is_the_last_that_cargo_reports() {
         let printed = r#"{"reason":"compiler-artifact","executable":null,"fresh":true}
 {"reason":"compiler-artifact","executable":"/a \"b\"/c\\d/sim","fresh":true}
 {"reason":"build-finished","success":true}"#;
@@ -245,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn what_takes_too_long_is_ended_with_all_that_it_has_started() {
+    fn a_program_that_takes_too_long_is_ended_with_its_children() {
         let script = "(sleep 2; echo late) & echo early; sleep 600";
         let mut command = Command::new("sh");
         let ended = output_within(command.args(["-c", script]), Duration::from_millis(300));

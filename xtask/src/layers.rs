@@ -1,4 +1,4 @@
-//! Which crate may know which: an arrow of the architecture never points up.
+//! The dependencies that a crate may have: none on a layer above it.
 
 use crate::error::Error;
 use crate::repo;

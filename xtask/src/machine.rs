@@ -1,4 +1,4 @@
-//! QEMU for the STM32: which one, where Debian keeps it, and the plugin that holds it in step with the bus.
+//! QEMU for the STM32: its version, its Debian package, and the plugin that keeps it in step with the bus.
 
 use crate::error::Error;
 use crate::{repo, whole};
@@ -7,10 +7,10 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Debian's package.
+/// The package of Debian.
 pub const PACKAGE: &str = "qemu-system-arm";
 
-/// The first version whose STM32F405 has what its clock control needs, and the interface that the barrier uses.
+/// The first version whose STM32F405 has the clock control and the plugin interface that are needed.
 pub const VERSION_MIN: u32 = 10;
 
 /// QEMU, if it is new enough.
@@ -21,7 +21,7 @@ pub fn qemu() -> Option<String> {
     (major >= VERSION_MIN).then(|| version.to_owned())
 }
 
-/// The major version that the distribution would install by itself; `None` if it has none or its lists were never fetched.
+/// The major version that the distribution would install; `None` if it has none, or if its lists were never fetched.
 pub fn candidate() -> Option<u32> {
     let text = repo::output_of(Command::new("apt-cache").args(["policy", PACKAGE]))?;
     major_of_candidate(&text)
@@ -30,7 +30,7 @@ pub fn candidate() -> Option<u32> {
 fn major_of_candidate(policy: &str) -> Option<u32> {
     let mut lines = policy.lines().map(str::trim);
     let version = lines.find_map(|line| line.strip_prefix("Candidate: "))?;
-    // Behind the epoch.
+    // The version follows the epoch.
     let version = version
         .split_once(':')
         .map_or(version, |(_, version)| version);
@@ -38,10 +38,10 @@ fn major_of_candidate(policy: &str) -> Option<u32> {
     digits.parse().ok()
 }
 
-/// Where the list of backports is put.
+/// The file for the list of backports.
 pub const BACKPORTS_LIST: &str = "/etc/apt/sources.list.d/multidrop-backports.sources";
 
-/// The backports of the Debian release that this system is.
+/// The backports of this system's Debian release.
 pub struct Backports {
     codename: String,
     mirror: String,
@@ -49,7 +49,7 @@ pub struct Backports {
 }
 
 impl Backports {
-    /// From the mirror that the system takes its own packages from; `None` where it is no Debian.
+    /// The backports, from the mirror of the system's own packages; `None` if the system is not Debian.
     pub fn of_this_system() -> Option<Self> {
         let release = fs::read_to_string("/etc/os-release").ok()?;
         let value = |name: &str| {
@@ -75,12 +75,12 @@ impl Backports {
         })
     }
 
-    /// What apt calls them.
+    /// The name of the suite in apt.
     pub fn suite(&self) -> String {
         format!("{}-backports", self.codename)
     }
 
-    /// The list for apt.
+    /// The list of the suite for apt.
     pub fn list(&self) -> String {
         let key = match &self.key {
             Some(key) => format!("Signed-By: {key}\n"),
@@ -93,14 +93,14 @@ impl Backports {
         )
     }
 
-    /// Whether the system has them in its lists already.
+    /// Whether the system's lists have the suite already.
     pub fn is_listed(&self) -> bool {
         repo::output_of(Command::new("apt-cache").arg("policy"))
             .is_some_and(|text| text.contains(&format!("n={}", self.suite())))
     }
 }
 
-/// The mirror of a release's own suite, and the file of its key if it is named, from a list in either of apt's formats.
+/// The mirror of a release's own suite, and the file of its key if it is named, from a list in one of apt's formats.
 fn mirror(text: &str, codename: &str) -> Option<(String, Option<String>)> {
     for stanza in text.split("\n\n") {
         let field = |name: &str| {
@@ -133,22 +133,22 @@ const SOURCE: &str = "sim/qemu/barrier.c";
 const PLUGIN: &str = "target/qemu/barrier.so";
 const STAMP: &str = "target/qemu/barrier.stamp";
 
-/// The compiled plugin, if it is of the source as it is now.
+/// The compiled plugin, if it was made from the present source.
 pub fn barrier() -> Option<String> {
     let stamp = fs::read_to_string(repo::root().join(STAMP)).ok()?;
     let made = repo::root().join(PLUGIN).exists() && stamp == key()?;
     made.then(|| PLUGIN.to_owned())
 }
 
-/// Compiles it.
+/// Compiles the plugin.
 ///
 /// # Errors
-/// [`Error::failed`] with what the compiler said.
+/// [`Error::failed`] with the message of the compiler.
 pub fn compile_barrier() -> Result<(), Error> {
     let plugin = repo::root().join(PLUGIN);
     let folder = plugin.parent().expect("a file in a folder");
     fs::create_dir_all(folder).map_err(|error| Error::io(folder.display(), error))?;
-    // In one step: a simulation may be running with the one before.
+    // In one step, since a simulation may be using the old one.
     whole::made(&plugin, |plugin| {
         let mut compiler = Command::new("cc");
         compiler

@@ -1,8 +1,8 @@
 //! The commands of this repository: `cargo xtask --help` lists them.
 //!
-//! Built with the plain stable toolchain and without any C library, so that it runs on a machine
-//! that has nothing else yet: [`setup`] brings the rest. It never links the simulator; `sim` and
-//! `demo` are programs of the crate `multidrop-bus` which this one builds and becomes.
+//! Built with the stable toolchain and without any C library, so that it runs on a machine that has nothing else:
+//! [`setup`] installs the rest. It never links the simulator; `sim` and `demo` are programs that this one builds and
+//! then executes in its place.
 
 mod bench;
 mod check;
@@ -34,6 +34,7 @@ mod size;
 mod tally;
 mod toolchain;
 mod whole;
+mod words;
 
 use cli::Command;
 use error::Error;

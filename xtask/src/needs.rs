@@ -1,7 +1,6 @@
-//! What has to be on the machine, how it is recognised, and what it is called where.
-//!
-//! Everything is looked for itself, never a note that it was installed once: the look takes
-//! milliseconds, and a note would be wrong after the first clean-up.
+//! The tools that must be installed, how they are found, and the names of their packages. The tools themselves are
+//! looked for each time, since that takes milliseconds, and a record of an installation would be wrong after a
+//! clean-up.
 
 use crate::repo;
 use crate::toolchain::Toolchain;
@@ -9,7 +8,7 @@ use crate::{machine, mutants, python, toolchain};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// What a command is about to do, and so what has to be there.
+/// The work of a command, which determines the tools that it needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// Building images, for any board.
@@ -24,32 +23,32 @@ pub enum Purpose {
     Core,
     /// Building and running the simulated bus.
     Simulator,
-    /// A Modbus client that others wrote.
+    /// Running an independent Modbus client.
     Client,
     /// Counting the instructions of programs on the host.
     Profiler,
-    /// The checks of `test` that go beyond that.
+    /// Other checks of `test`.
     Checks,
-    /// Planting faults in what the host builds.
+    /// Planting faults in code that the host builds.
     Mutants,
 }
 
-/// One thing that has to be on the machine.
+/// A tool that must be installed.
 pub struct Need {
-    /// What it is.
+    /// The name of the tool.
     pub name: &'static str,
-    /// What it is for.
+    /// The work that needs the tool.
     pub purpose: Purpose,
-    /// Where it was found, or nothing.
+    /// Returns where the tool was found, or `None`.
     pub found: fn() -> Option<String>,
-    /// Debian's packages that bring it; none where it does not come as a package.
+    /// The Debian packages of the tool; empty if it is not in a package.
     pub debian: &'static [&'static str],
-    /// How to get it by hand on other systems.
+    /// How to install it by hand on other systems.
     pub by_hand: &'static str,
 }
 
 impl Need {
-    /// What to say of it when it is missing.
+    /// How to install the tool, for a list of missing ones.
     pub fn how(&self) -> String {
         if self.debian.is_empty() {
             format!("{}: {}", self.name, self.by_hand)
@@ -64,10 +63,10 @@ impl Need {
     }
 }
 
-/// Debian's packages of the firmware's compiler.
+/// The Debian packages of the firmware's compiler.
 pub const COMPILER_PACKAGES: &[&str] = &["rustc-web", "cargo-web", "rust-web-src"];
 
-/// Everything, in the order in which it is reported.
+/// All tools, in the order in which they are listed.
 pub const ALL: &[Need] = &[
     Need {
         name: "firmware compiler",

@@ -5,7 +5,7 @@ use crate::{repo, serial};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Those of avrdude's programmers that are boot loaders: they can neither erase the chip nor write its fuses.
+/// Programmers of avrdude that are boot loaders: they can neither erase the chip nor write its fuses.
 const BOOT_LOADERS: &[&str] = &["arduino", "wiring", "xbee", "urclock"];
 
 /// An Arduino with the sketch ArduinoISP, and its speed.
@@ -21,22 +21,22 @@ pub struct Programmer {
 
 impl Programmer {
     /// # Errors
-    /// [`Error::usage`] for a name that this avrdude does not have, with those that it has; for one that is a boot loader; and
-    /// for a port that is none.
+    /// [`Error::usage`] for a name that this avrdude does not have, with the names that it has; for the name of a
+    /// boot loader; and for a port that cannot be used.
     pub fn new(avrdude: PathBuf, name: &str, port: Option<&Path>) -> Result<Self, Error> {
         if BOOT_LOADERS.contains(&name) {
             return Err(Error::usage(format!(
-                "--programmer {name}: that speaks to a boot loader, which is what flash does without --programmer"
+                "--programmer {name}: this is for a boot loader; leave --programmer out to use it"
             )));
         }
         let known = known(&avrdude)?;
         if !known.is_empty() && !known.iter().any(|one| one == name) {
             return Err(Error::usage(format!(
-                "--programmer {name}: avrdude does not know it; it knows: {}",
+                "--programmer {name}: unknown to avrdude, must be one of: {}",
                 known.join(", ")
             )));
         }
-        // A path; others are names such as usb:BUS:DEVICE.
+        // Only a path is checked; other values are names such as usb:BUS:DEVICE.
         if let Some(port) = port.filter(|port| port.components().count() > 1) {
             serial::check(port)?;
         }
@@ -59,7 +59,7 @@ impl Programmer {
         command
     }
 
-    /// Has avrdude carry out `operations`, as its option -U takes them.
+    /// Runs avrdude with `operations`, in the form of its option -U.
     ///
     /// # Errors
     /// [`Error::failed`] when it fails.
@@ -72,7 +72,7 @@ impl Programmer {
         repo::run(&mut command)
     }
 
-    /// The same; gives what it printed.
+    /// Runs avrdude with these operations; returns what it printed.
     ///
     /// # Errors
     /// [`Error::failed`] when it fails.
@@ -98,7 +98,7 @@ impl Programmer {
     }
 }
 
-/// What this avrdude calls its programmers.
+/// The names of this avrdude's programmers.
 fn known(avrdude: &Path) -> Result<Vec<String>, Error> {
     let output = Command::new(avrdude)
         .args(["-c", "?"])

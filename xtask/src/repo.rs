@@ -1,4 +1,4 @@
-//! Where things stand in this repository, and how its cargo is called.
+//! Paths in this repository, and calls of its cargo.
 
 use crate::error::Error;
 use std::path::{Path, PathBuf};
@@ -12,18 +12,18 @@ const MARKS: &[&str] = &["xtask/Cargo.toml", "protocol/Cargo.toml"];
 /// tested as debug builds, with overflow checks.
 pub const SIMULATED: [&str; 2] = ["multidrop-bus", "multidrop-tests"];
 
-/// The root of the repository: of the one that the command is called in, not of the one that it was built in. A checkout
-/// copied with its target folder has a command that was built in another one.
+/// The root of the repository in which the command is called, not of the one in which it was built. A checkout that
+/// was copied with its target folder has a command that was built in another one.
 ///
 /// # Panics
-/// Outside of a checkout, which [`find_root`] tells beforehand.
+/// Outside of a checkout, which [`find_root`] reports before.
 pub fn root() -> &'static Path {
     static ROOT: OnceLock<PathBuf> = OnceLock::new();
     ROOT.get_or_init(|| find_root().expect("called in a checkout"))
 }
 
-/// Looks for the root from the current folder upwards; then where the cargo that runs the command found its package, which
-/// is the way of `cargo run --manifest-path`.
+/// Looks for the root from the current folder upwards; then at the package of the cargo that runs the command, for
+/// `cargo run --manifest-path`.
 ///
 /// # Errors
 /// [`Error::usage`] outside of a checkout.
@@ -38,18 +38,18 @@ pub fn find_root() -> Result<PathBuf, Error> {
     });
     root.map(Path::to_path_buf).ok_or_else(|| {
         Error::usage(format!(
-            "{} is not in a checkout of multidrop; call the command in one",
+            "{} is not in a checkout of multidrop",
             current.display()
         ))
     })
 }
 
-/// The host's cargo: the one that called us, else the first in PATH.
+/// The host's cargo: the one that called this program, else the first in PATH.
 pub fn cargo() -> Command {
     Command::new(cargo_program())
 }
 
-/// What [`cargo`] calls.
+/// The path of that cargo.
 pub fn cargo_program() -> PathBuf {
     std::env::var_os("CARGO").map_or_else(|| PathBuf::from("cargo"), PathBuf::from)
 }
@@ -61,7 +61,7 @@ pub fn cargo_in_root(arguments: &[&str]) -> Command {
     command
 }
 
-/// Runs `command` to its end with our terminal.
+/// Runs `command` to its end, with this program's terminal.
 pub fn run(command: &mut Command) -> Result<(), Error> {
     let program = command.get_program().to_string_lossy().into_owned();
     let status = command
@@ -77,7 +77,7 @@ pub fn run(command: &mut Command) -> Result<(), Error> {
     }
 }
 
-/// What a quiet look-up printed, or nothing where the program is missing or refused.
+/// The output of a command, or `None` if the program is missing or fails.
 pub fn output_of(command: &mut Command) -> Option<String> {
     let output = command.stdin(std::process::Stdio::null()).output().ok()?;
     output
@@ -86,7 +86,7 @@ pub fn output_of(command: &mut Command) -> Option<String> {
         .then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// A command as it would be typed.
+/// A command as typed in a shell.
 pub fn shown(command: &Command) -> String {
     let program = Path::new(command.get_program());
     let mut text = program
@@ -101,7 +101,7 @@ pub fn shown(command: &Command) -> String {
     text
 }
 
-/// The first `name` that PATH leads to.
+/// The first program with this name in PATH.
 pub fn in_path(name: &str) -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?)
         .map(|folder| folder.join(name))

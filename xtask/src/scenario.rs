@@ -9,9 +9,9 @@ use clap::{Args, ValueEnum};
 pub enum Scenario {
     /// Three Nanos with the unit ids 1, 2, 3
     DemoUnit,
-    /// One Nano
+    /// One Nano with `registers`
     Registers,
-    /// A Nano that is a client and one that is its server; the pseudo terminal listens in
+    /// A Nano that is a client and one that is its server; the pseudo terminal only listens
     RelayPanel,
     /// Every function on a Nano, unit 17
     NanoConformance,
@@ -39,11 +39,11 @@ impl Scenario {
         Self::Mixed,
     ];
 
-    /// The images of the nodes, in the order of their places on the bus; those of an STM32 for QEMU if `qemu`.
+    /// The images of the nodes, in the order of their places on the bus; for QEMU if `qemu` and the node is an STM32.
     ///
     /// # Errors
-    /// [`Error::usage`] for a scenario that is not in this version, and for options of the line that it does not
-    /// have.
+    /// [`Error::usage`] for a scenario that is not in this version, and for options of the line that the scenario
+    /// does not have.
     pub fn images(self, line: LineOptions, qemu: bool) -> Result<Vec<Image>, Error> {
         if !Self::BUILT.contains(&self) {
             return Err(Error::usage(format!(

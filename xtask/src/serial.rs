@@ -1,4 +1,4 @@
-//! The serial port that a board is flashed through: which one, and whether this user may open it.
+//! The serial port through which a board is flashed.
 
 use crate::error::Error;
 use nix::unistd::{Gid, Group};
@@ -7,7 +7,7 @@ use std::io::{ErrorKind, IsTerminal};
 use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// What USB serial adapters and Nanos are called in /dev on Linux and macOS.
+/// Names of USB serial adapters and Nanos in /dev on Linux and macOS.
 const PORT_NAMES: &[&str] = &[
     "ttyUSB",
     "ttyACM",
@@ -16,10 +16,10 @@ const PORT_NAMES: &[&str] = &[
     "cu.wchusbserial",
 ];
 
-/// The port that was asked for, or the only one there is.
+/// The given port, or the only one on this machine.
 ///
 /// # Errors
-/// [`Error::usage`] where there is none, where it is in doubt, where it is no serial port, and where it cannot be opened.
+/// [`Error::usage`] if there is no port, or more than one, or if it is not a serial port, or cannot be opened.
 pub fn port(given: Option<&Path>) -> Result<PathBuf, Error> {
     let port = match given {
         Some(port) => port.to_owned(),
@@ -29,7 +29,7 @@ pub fn port(given: Option<&Path>) -> Result<PathBuf, Error> {
     Ok(port)
 }
 
-/// Opens it once: avrdude says less of why it cannot.
+/// Opens the port once, since the message of avrdude says less.
 ///
 /// # Errors
 /// As [`port`].
@@ -43,9 +43,9 @@ pub fn check(port: &Path) -> Result<(), Error> {
         Ok(meta) => meta,
     };
     if !meta.file_type().is_char_device() {
-        return refused("it is no serial port, but a file or a folder");
+        return refused("it is a file or a folder, not a serial port");
     }
-    // Without waiting for a carrier, and not as our own terminal.
+    // This neither waits for a carrier nor makes the port the controlling terminal.
     let flags = nix::libc::O_NONBLOCK | nix::libc::O_NOCTTY;
     let mut options = OpenOptions::new();
     match options
@@ -55,7 +55,7 @@ pub fn check(port: &Path) -> Result<(), Error> {
         .open(port)
     {
         Ok(file) if file.is_terminal() => Ok(()),
-        Ok(_) => refused("it is no serial port, but another kind of device"),
+        Ok(_) => refused("it is another kind of device, not a serial port"),
         Err(error) if error.kind() == ErrorKind::PermissionDenied => {
             refused(&not_allowed(meta.gid()))
         }
@@ -66,7 +66,7 @@ pub fn check(port: &Path) -> Result<(), Error> {
     }
 }
 
-/// The way to a port that belongs to a group.
+/// How to get access to a port that belongs to a group.
 fn not_allowed(group: u32) -> String {
     let found = Group::from_gid(Gid::from_raw(group)).ok().flatten();
     let group = found.map_or_else(|| group.to_string(), |group| group.name);
@@ -79,11 +79,11 @@ fn choose(mut ports: Vec<PathBuf>) -> Result<PathBuf, Error> {
     ports.sort();
     match &ports[..] {
         [] => Err(Error::usage(
-            "no serial port of a board is found: plug the board in, or name it with --port TTY",
+            "no serial port found: connect the board, or name its port with --port TTY",
         )),
         [one] => Ok(one.clone()),
         several => Err(Error::usage(format!(
-            "several serial ports are found; name the board's with --port: {}",
+            "several serial ports found; name that of the board with --port: {}",
             several
                 .iter()
                 .map(|port| port.display().to_string())

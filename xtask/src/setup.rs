@@ -1,4 +1,4 @@
-//! `setup`: installs what is missing, says which way it took, and names what is left to do by hand.
+//! `setup`: installs what is missing, and lists what must be installed by hand.
 
 use crate::error::Error;
 use crate::needs::{ALL, COMPILER_PACKAGES, Need, Purpose};
@@ -7,7 +7,7 @@ use crate::{machine, mutants, python, repo};
 use std::io::Write;
 use std::process::{Command, Stdio};
 
-/// `setup --check`: what is there and what is missing; changes nothing.
+/// Runs `setup --check`: lists what is installed and what is missing; changes nothing.
 ///
 /// # Errors
 /// Exit code 1 when something is missing.
@@ -19,8 +19,7 @@ pub fn report() -> Result<(), Error> {
     Err(Error::silent(1))
 }
 
-/// Prints everything that is needed, and whether it is there, after `added` was to be installed.
-/// Tells whether all of it is.
+/// Lists all tools, and whether each is installed, after `added` were to be installed. Returns whether all are.
 fn list(added: &[&Need]) -> bool {
     let mut complete = true;
     for need in ALL {
@@ -37,10 +36,10 @@ fn list(added: &[&Need]) -> bool {
     complete
 }
 
-/// `setup`: installs what is missing.
+/// Runs `setup`: installs what is missing.
 ///
 /// # Errors
-/// Exit code 1, with what could not be installed and how to do it by hand.
+/// Exit code 1, with the tools that could not be installed, and how to do it by hand.
 pub fn install() -> Result<(), Error> {
     let missing = missing(|_| true);
     if missing.is_empty() {
@@ -54,11 +53,11 @@ pub fn install() -> Result<(), Error> {
     if list(&missing) {
         Ok(())
     } else {
-        Err(Error::failed("what is missing has to be installed by hand"))
+        Err(Error::failed("the missing tools must be installed by hand"))
     }
 }
 
-/// Installs what can be installed of these.
+/// Installs those of the missing tools that can be installed.
 fn add(missing: &[&'static Need]) {
     for need in missing {
         println!("missing: {}", need.name);
@@ -98,10 +97,10 @@ fn add(missing: &[&'static Need]) {
     }
 }
 
-/// What `purposes` need and the machine lacks, as an error; nothing is installed.
+/// Checks that all tools for `purposes` are installed; installs nothing.
 ///
 /// # Errors
-/// [`Error::usage`], naming each with its packages.
+/// [`Error::usage`], with the missing tools and their packages.
 pub fn require(purposes: &[Purpose]) -> Result<(), Error> {
     let missing = missing(|need| purposes.contains(&need.purpose));
     if missing.is_empty() {
@@ -113,7 +112,7 @@ pub fn require(purposes: &[Purpose]) -> Result<(), Error> {
     )))
 }
 
-/// Installs what `purposes` need and the machine lacks, and nothing else.
+/// Installs the missing tools for `purposes`, and nothing else.
 ///
 /// # Errors
 /// As [`require`].
@@ -181,11 +180,11 @@ fn install_firmware_clippy() {
     };
 }
 
-/// From Debian's backports where the distribution's own is too old, else from the distribution.
+/// Installs QEMU, from Debian's backports if the distribution's own version is too old.
 fn install_qemu() {
     let release = match machine::candidate() {
         Some(major) if major >= machine::VERSION_MIN => None,
-        // Too old, or not known before the lists are fetched: then the backports do no harm.
+        // The version is too old, or unknown because the lists were not fetched: then the backports do no harm.
         _ => machine::Backports::of_this_system(),
     };
     let Some(release) = release else {
@@ -199,7 +198,7 @@ fn install_qemu() {
     }
 }
 
-/// Runs a command as root, with this on its input.
+/// Runs a command as root, with `input`.
 fn as_root(command: &[&str], input: Option<&str>) -> bool {
     let Some(mut line) = becoming_root() else {
         println!("not root, and no sudo: as root, run {}", command.join(" "));
@@ -225,7 +224,7 @@ fn as_root(command: &[&str], input: Option<&str>) -> bool {
 fn install_python() {
     if let Err(first) = python::install() {
         println!("Python: {}", first.message());
-        // The module that makes environments is a package of its own on Debian.
+        // On Debian the module for environments is a separate package.
         if apt_install(&["python3", "python3-venv"])
             && let Err(second) = python::install()
         {
@@ -244,14 +243,14 @@ fn rustup(arguments: &[&str]) -> bool {
     repo::run(&mut command).is_ok()
 }
 
-/// Installs Debian packages: all at once, and one by one where that fails, so that a single package
-/// that a release lacks does not keep the others away.
+/// Installs Debian packages: all at once, or one by one if that fails, so that a package that the release lacks does
+/// not prevent the others.
 fn apt_install(packages: &[&str]) -> bool {
     if packages.is_empty() {
         return true;
     }
     if repo::in_path("apt-get").is_none() {
-        println!("no apt-get on this system: install by hand what stands below");
+        println!("no apt-get on this system: install the tools below by hand");
         return false;
     }
     let Some(root) = becoming_root() else {
@@ -275,7 +274,7 @@ fn apt_install(packages: &[&str]) -> bool {
         println!("> {}", line.join(" "));
         repo::run(Command::new(line[0]).args(&line[1..])).is_ok()
     };
-    // An outdated list of packages may still do, so a failure shows at the installation.
+    // An outdated list may be sufficient; a failure shows at the installation.
     apt(&["-qq", "update"]);
     let install = ["-qq", "install", "--no-install-recommends"];
     if apt(&[&install, packages].concat()) {

@@ -1,4 +1,4 @@
-//! `sim`: builds the images of a scenario, then becomes the simulated bus.
+//! `sim`: builds the images of a scenario, then executes the simulated bus in its place.
 
 use crate::cli::SimRequest;
 use crate::error::Error;
@@ -10,11 +10,12 @@ use crate::{job, repo, setup};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Builds what is needed and becomes the simulated bus; comes back only if that fails, or if a signal ends it before. Being
-/// replaced, not waited for, the bus gets every later signal itself and its exit code is ours.
+/// Builds what is needed and executes the simulated bus in its place; returns only if that fails, or if a signal ends
+/// it before. As this program is replaced, the bus gets every later signal itself, and its exit code is that of the
+/// command.
 ///
 /// # Errors
-/// [`Error::usage`] before anything is built, for a scenario, link or machine that will not do.
+/// [`Error::usage`] before anything is built, for a scenario, link or machine that cannot be used.
 pub fn run(request: &SimRequest) -> Result<(), Error> {
     job::watch()?;
     match start(request) {
@@ -90,15 +91,15 @@ pub fn program(package: &str, name: &str) -> Result<Command, Error> {
     cargo.args(["--message-format", "json-render-diagnostics"]);
     let printed = job::output_of(&mut cargo)?;
     let path = job::executable(&printed)
-        .ok_or_else(|| Error::failed(format!("cargo does not say where {name} is")))?;
+        .ok_or_else(|| Error::failed(format!("cargo did not print the path of {name}")))?;
     let mut command = Command::new(path);
     // As `cargo run` does: it finds its repository by that.
     command.env("CARGO_MANIFEST_DIR", repo::root());
     Ok(command)
 }
 
-/// A link is only made in place of one that a simulated bus has left: whatever else stands there is the user's. Only the bus
-/// knows its links; this says early what cannot be one of them.
+/// Refuses a path that cannot be a link of a simulated bus. Only a link that a bus has left is replaced; everything
+/// else is the user's. The bus itself knows its links; this check is earlier.
 fn check_link(link: &Path) -> Result<(), Error> {
     let refused = |why| {
         Err(Error::usage(format!(
@@ -109,13 +110,15 @@ fn check_link(link: &Path) -> Result<(), Error> {
     match link.symlink_metadata() {
         Ok(meta) if !meta.is_symlink() => return refused("it exists and is not a link"),
         Ok(_) if !link.read_link().is_ok_and(|to| to.starts_with("/dev")) => {
-            return refused("it is a link which no sim made");
+            return refused("it is a link which no sim has made");
         }
         _ => {}
     }
     // The folder of a bare name is the current one, which is given as an empty path.
     match link.parent() {
-        Some(folder) if !Path::new(".").join(folder).is_dir() => refused("its folder is not there"),
+        Some(folder) if !Path::new(".").join(folder).is_dir() => {
+            refused("its folder does not exist")
+        }
         None => refused("it names no file"),
         _ => Ok(()),
     }
@@ -131,7 +134,7 @@ mod tests {
         assert_eq!(error.code(), 2);
         assert!(error.message().contains("is not a link"));
         let error = check_link(Path::new("no/such/link")).expect_err("no folder");
-        assert!(error.message().contains("its folder is not there"));
+        assert!(error.message().contains("its folder does not exist"));
         for free in ["free", "./free", "/free", "../free"] {
             assert!(check_link(Path::new(free)).is_ok(), "{free}");
         }

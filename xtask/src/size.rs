@@ -9,7 +9,7 @@ use std::path::Path;
 /// table 27-7); the newer one leaves 1536 bytes more.
 const FLASH: u64 = 32 * 1024 - 2048;
 
-/// Flash that is left with the newer, 512-byte boot loader.
+/// Flash that is left by the newer, 512-byte boot loader.
 const FLASH_NEW_BOOTLOADER: u64 = 32 * 1024 - 512;
 
 /// SRAM of the ATmega328P (DS40002061B section 8.3).
@@ -19,14 +19,14 @@ const RAM: u64 = 2048;
 const STM32_FLASH: u64 = 1024 * 1024;
 const STM32_RAM: u64 = 128 * 1024;
 
-/// Where its flash and SRAM are (RM0090 2.3).
+/// The addresses of its flash and SRAM (RM0090 2.3).
 const STM32_FLASH_SPACE: std::ops::Range<u64> = 0x0800_0000..0x0900_0000;
 const STM32_RAM_SPACE: std::ops::Range<u64> = 0x2000_0000..0x3000_0000;
 
-/// Where avr-gcc's linker puts data memory and, above it, EEPROM, fuses and the like.
+/// The addresses at which avr-gcc's linker puts data memory and, above it, EEPROM, fuses and the like.
 const DATA_SPACE: std::ops::Range<u64> = 0x80_0000..0x81_0000;
 
-/// Bytes that an image takes.
+/// The memory that an image takes, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Size {
     /// Code, and the initial values of data.
@@ -38,7 +38,7 @@ pub struct Size {
 /// Reads the sizes of the image in `path`.
 ///
 /// # Errors
-/// [`Error::failed`] when it is no ELF file.
+/// [`Error::failed`] if it is not an ELF file.
 pub fn of(path: &Path) -> Result<Size, Error> {
     let bytes = std::fs::read(path).map_err(|error| Error::io(path.display(), error))?;
     let file = object::File::parse(&*bytes)

@@ -100,7 +100,7 @@ impl Toolchain {
         &self.version
     }
 
-    /// Which compiler this is, for people.
+    /// The name and version of the compiler, for people.
     pub fn describe(&self) -> String {
         let llvm = self
             .version

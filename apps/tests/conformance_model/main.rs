@@ -1,5 +1,5 @@
-//! The server over the conformance map against a plain model of it: random requests of all functions and damaged frames,
-//! and after each of them the same answer, the same tables, the same counters and the same log.
+//! The server over the conformance map against a plain model of it: random requests of all functions and damaged
+//! frames. After each of them, answers, tables, counters and log must be equal.
 //!
 //! The model and the traffic are those of the tests on the simulated bus, and share nothing with the code under test.
 
@@ -23,7 +23,7 @@ use rich::Rich;
 /// All ways in which a line can find a character wrong.
 const FLAWS: [Flaw; 4] = [Flaw::Gap, Flaw::Parity, Flaw::Framing, Flaw::Overrun];
 
-/// The same numbers everywhere (splitmix64).
+/// Random numbers from a seed (splitmix64).
 fn random(seed: u64) -> impl FnMut(u32) -> u32 {
     let mut state = seed;
     move |end| {

@@ -1,5 +1,5 @@
-//! The conformance map with what no image has, so that every limit and every exception is reached: the counterpart of
-//! `Plain::with_extras`.
+//! The conformance map with additions that no image has, so that every limit and every exception is reached: the
+//! counterpart of `Plain::with_extras`.
 
 use multidrop::protocol::data::{BytesOut, Coils, CoilsOut, Registers, RegistersOut};
 use multidrop::protocol::exception::Exception;
@@ -10,7 +10,7 @@ use multidrop_apps::conformance::Conformance;
 pub struct Rich(pub Conformance<32>);
 
 impl Rich {
-    /// Function 44.
+    /// Function 44, which always fails.
     fn fail(&mut self, pdu: &mut [u8], len: usize) -> Result<usize, Exception> {
         match pdu[1..len] {
             [code] => Exception::from_code(code).map_or(Ok(len), Err),

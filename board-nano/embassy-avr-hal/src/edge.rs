@@ -1,19 +1,19 @@
-//! Edges and levels of port D's pins that a task can wait for, as [`embedded_hal_async::digital::Wait`].
+//! Edges and levels of port D's pins for which a task can wait, as [`embedded_hal_async::digital::Wait`].
 //!
-//! | pin | by | sees |
+//! | pin | by | detects |
 //! |---|---|---|
 //! | PD2, PD3 | INT0, INT1 (DS 13.1) | every edge of more than a clock cycle |
-//! | PD4 to PD7 | PCINT2 (DS 13.1) | a level that lasts until the interrupt looks: longer than 20 us |
+//! | PD4 to PD7 | PCINT2 (DS 13.1) | a level that lasts until the interrupt reads it: longer than 20 us |
 //!
-//! The pin-change flag of port D is the line's start-bit detector too (see [`usart`](crate::usart)), and an interrupt clears
-//! it. So this one keeps what it has seen of RXD in a byte of its own, where the line looks for it. While a task
-//! waits on one of PD4 to PD7 each character on the bus costs one interrupt more and takes the slower way, and the line is free of
-//! losses up to 115200 baud (`cargo xtask bench` shows the limit); an answer may start, and DE fall, later by this interrupt's 11 us at
-//! 16 MHz. Without such a wait, or with INT0 and INT1 alone, nothing changes. A pulse on PD4 to PD7 that is
-//! over before the interrupt looks may be taken for the beginning of a character.
+//! The pin-change flag of port D is the line's start-bit detector too (see [`usart`](crate::usart)), and an interrupt
+//! clears it. So the interrupt keeps what it has detected on RXD in a byte, which the line reads. While a task waits
+//! on one of PD4 to PD7, each character on the bus costs one more interrupt and takes the slower path. The line then
+//! loses nothing up to 115200 baud (`cargo xtask bench` shows the limit); an answer may start, and DE fall, later by
+//! the 11 us of this interrupt at 16 MHz. Without such a wait, or with INT0 and INT1 alone, nothing changes. A pulse
+//! on PD4 to PD7 that ends before the interrupt reads it may be taken for the beginning of a character.
 //!
-//! An application that enables PCIE2 by itself is not supported: the line no longer sees start bits then, and takes frames
-//! with permitted gaps for damaged ones. Ports B and C are free for it.
+//! An application must not enable PCIE2 itself: the line then misses start bits, and takes frames with permitted gaps
+//! for damaged ones. The application may use the interrupts of ports B and C.
 //!
 //! The application binds the interrupts of its pins by [`bind_interrupts!`](crate::bind_interrupts), which defines a token, gives
 //! that token and an [`Input`] to [`EdgeInput::new`], and awaits edges and levels: see the example `changes`.
@@ -37,7 +37,7 @@ pub use external::{Int0, Int1};
 pub use port_d::PortD;
 pub(crate) use port_d::{clear_start_bit, has_waits, on_character, start_bit_seen};
 
-/// Which edges end a wait.
+/// The edges that end a wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub enum Edge {
@@ -45,22 +45,22 @@ pub enum Edge {
     Rising,
     /// From high to low.
     Falling,
-    /// Either.
+    /// Rising and falling edges.
     Any,
 }
 
-/// What sees the edges of a pin. Sealed: [`Int0`], [`Int1`] and [`PortD`] are all there are.
+/// The source of a pin's edges. Sealed: [`Int0`], [`Int1`] and [`PortD`] implement it.
 pub trait Source: sealed::Sealed {
     /// Begins to wait for an edge on the pins of `mask`. With interrupts off.
     #[doc(hidden)]
     fn arm(mask: u8, edge: Edge);
-    /// Waits no longer. With interrupts off.
+    /// Ends the wait. With interrupts off.
     #[doc(hidden)]
     fn disarm(mask: u8);
-    /// Whether the edge has not come yet. With interrupts off.
+    /// Whether the edge is still to come. With interrupts off.
     #[doc(hidden)]
     fn is_armed(mask: u8) -> bool;
-    /// Who is woken by it. From a task.
+    /// Registers the task that an edge wakes. From a task.
     #[doc(hidden)]
     fn register(mask: u8, waker: &Waker);
 }
@@ -69,10 +69,10 @@ mod sealed {
     pub trait Sealed {}
 }
 
-/// Says that the interrupt of a source is bound. [`bind_interrupts!`](crate::bind_interrupts) implements it.
+/// Marks that the interrupt of a source is bound. [`bind_interrupts!`](crate::bind_interrupts) implements it.
 ///
 /// # Safety
-/// The handler of `S` has to be in the binary.
+/// The handler of `S` must be in the binary.
 #[diagnostic::on_unimplemented(
     message = "the interrupt of {S} is not bound: name INT0 for PD2, INT1 for PD3, PCINT2 for PD4 to PD7 in bind_interrupts!",
     label = "this pin needs an interrupt that `{Self}` does not bind"
@@ -81,7 +81,7 @@ pub unsafe trait Bound<S: Source> {}
 
 /// A pin whose edges can be waited for.
 pub trait EdgePin: Pin {
-    /// What sees its edges.
+    /// The source of its edges.
     type Source: Source;
 }
 
@@ -126,7 +126,7 @@ impl Shared {
     }
 }
 
-/// Tasks that wait: an interrupt sets a flag, and the executor's loop wakes them.
+/// The tasks that wait: an interrupt sets a flag, and the executor's loop wakes them.
 struct Waiting<const N: usize>(UnsafeCell<[WakerRegistration; N]>);
 
 // SAFETY: tasks register and the executor's loop wakes, one after the other.
@@ -144,7 +144,7 @@ impl<const N: usize> Waiting<N> {
         }
     }
 
-    /// Wakes those of which `is_over` says so.
+    /// Wakes the tasks for whose index `is_over` returns true.
     fn wake(&self, is_over: impl Fn(usize) -> bool) {
         // SAFETY: see `Sync`; waking puts a task into the queue and runs nothing.
         let registrations = unsafe { &mut *self.0.get() }.iter_mut().enumerate();
@@ -169,7 +169,7 @@ pub(crate) fn wake_if(flags: u8) {
 /// An input whose edges and levels can be waited for.
 ///
 /// # Cancellation
-/// A wait that is dropped is over; an edge that comes between two waits is not seen.
+/// A dropped wait is over; an edge between two waits is not detected.
 pub struct EdgeInput<P: EdgePin>(Input<P>);
 
 impl<P: EdgePin> EdgeInput<P> {
@@ -183,7 +183,7 @@ impl<P: EdgePin> EdgeInput<P> {
         self.0
     }
 
-    /// Waits for one edge, which may have come since `armed` was made.
+    /// Waits for one edge, which may have come after `armed` was made.
     async fn edge(&mut self, armed: Armed<P>) {
         poll_fn(|context| {
             P::Source::register(P::MASK, context.waker());
@@ -229,7 +229,7 @@ impl<P: EdgePin> InputPin for EdgeInput<P> {
 
 impl<P: EdgePin> Wait for EdgeInput<P> {
     async fn wait_for_high(&mut self) -> Result<(), Infallible> {
-        // First the wait, then the look: an edge between the two ends the wait.
+        // The wait begins before the level is read: an edge between the two ends the wait.
         let armed = Armed::new(Edge::Rising);
         if !self.0.is_high()? {
             self.edge(armed).await;

@@ -1,8 +1,8 @@
 //! The EEPROM: 1024 bytes, written in the background (DS 8.4).
 //!
 //! A byte takes 3.4 ms to write; the EEPROM-ready interrupt wakes the task for the next one. Bytes
-//! that hold the right value already are skipped: each cell stands 100 000 writes. The interrupt is bound by `EEPROM` in
-//! [`bind_interrupts!`](crate::bind_interrupts).
+//! that already have the right value are skipped, since each cell endures 100 000 writes. `EEPROM` in
+//! [`bind_interrupts!`](crate::bind_interrupts) binds the interrupt.
 
 use core::arch::asm;
 use core::future::poll_fn;
@@ -22,19 +22,19 @@ const EERE: u8 = 1 << 0;
 
 static READY: AtomicWaker = AtomicWaker::new();
 
-/// An address range that is not within the EEPROM. The caller's error; nothing was read or written.
+/// An address range that is not within the EEPROM. The caller is to blame; nothing was read or written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OutOfRange {
-    /// The first address asked for.
+    /// The first address of the request.
     pub address: u16,
-    /// The number of bytes asked for.
+    /// The number of bytes of the request.
     pub len: usize,
 }
 
 /// Says that the interrupt of the EEPROM is bound. [`bind_interrupts!`](crate::bind_interrupts) implements it.
 ///
 /// # Safety
-/// The handler has to be in the binary.
+/// The handler must be in the binary.
 #[diagnostic::on_unimplemented(
     message = "the interrupt of the EEPROM is not bound: name EEPROM in bind_interrupts!",
     label = "writing needs an interrupt that `{Self}` does not bind"
@@ -65,14 +65,13 @@ impl Eeprom {
         Ok(())
     }
 
-    /// Writes `bytes` from `address` on, 3.4 ms each where they differ; returns when the last one is
-    /// safe.
+    /// Writes `bytes` from `address` on, 3.4 ms for each byte that differs; returns when the last byte is stored.
     ///
     /// # Errors
     /// [`OutOfRange`].
     ///
     /// # Cancellation
-    /// The byte under way is completed, those behind it keep their old value.
+    /// The byte under way is completed; the bytes after it keep their old value.
     pub async fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), OutOfRange> {
         check(address, bytes.len())?;
         for (address, &byte) in (address..).zip(bytes) {
@@ -98,7 +97,7 @@ impl Eeprom {
         .await;
     }
 
-    /// One byte; no write is under way.
+    /// Reads one byte; no write may be under way.
     fn get(&mut self, address: u16) -> u8 {
         // SAFETY: the address was checked.
         self.registers.eear().write(|w| unsafe { w.bits(address) });
@@ -117,13 +116,13 @@ impl Eeprom {
         });
     }
 
-    /// While no write is under way: a 0 in EEPE has no place there then (DS 8.6.3).
+    /// Writes EECR while no write is under way: then a 0 in EEPE has no effect (DS 8.6.3).
     fn control(&self, bits: u8) {
         // SAFETY: mode bits 0: erase and write in one operation; the rest as named above.
         self.registers.eecr().write(|w| unsafe { w.bits(bits) });
     }
 
-    /// For [`bind_interrupts!`](crate::bind_interrupts).
+    /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the EE READY interrupt only.
@@ -134,9 +133,9 @@ impl Eeprom {
     }
 }
 
-/// Lets EE READY interrupt as soon as no write is under way, or never. The interrupt is level-triggered (DS 8.6.3, EERIE): if the
-/// write has ended by now it comes at once. `sbi` and `cbi` change this one bit (DS, notes to the register summary): a write of
-/// the whole register would put a 0 into EEPE while a byte is being written.
+/// Enables or disables the EE READY interrupt, which comes as soon as no write is under way. It is level-triggered
+/// (DS 8.6.3, EERIE): if the write has ended before, it comes at once. `sbi` and `cbi` change this one bit (DS, notes
+/// to the register summary): a write of the whole register would put a 0 into EEPE while a byte is being written.
 fn interrupt_when_ready(on: bool) {
     // SAFETY: EERIE, bit 3 of EECR (I/O 0x1F), is used here only.
     unsafe {

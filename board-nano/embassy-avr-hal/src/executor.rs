@@ -1,10 +1,9 @@
 //! An Embassy executor that sleeps.
 //!
-//! embassy-executor's own one for AVR tests its flag between `sei` and `sleep` and never sets
-//! SMCR.SE: a wake-up that falls between the two is lost, and the CPU never sleeps. Here the flag is
-//! tested with interrupts off, and `sei` stands right before `sleep`: the instruction after `sei` is
-//! executed before any pending interrupt (DS 7.7), so an interrupt either is seen by the test or
-//! wakes the CPU.
+//! The AVR executor of embassy-executor tests its flag between `sei` and `sleep` and never sets SMCR.SE: a wake-up
+//! between the two is lost, and the CPU never sleeps. This executor tests the flag with interrupts off, and `sei`
+//! stands right before `sleep`: the instruction after `sei` is executed before any pending interrupt (DS 7.7), so an
+//! interrupt either is seen by the test or wakes the CPU.
 
 use core::arch::asm;
 use core::cell::UnsafeCell;
@@ -15,17 +14,16 @@ use embassy_sync::waitqueue::WakerRegistration;
 use crate::interrupts::{Interrupts, Unwatched};
 use crate::{edge, watchdog};
 
-/// GPIOR0 (DS 8.6.6) is in reach of `sbi` and `sbic`: setting a flag is one instruction, in interrupts
-/// too.
+/// GPIOR0 (DS 8.6.6), which `sbi` and `sbic` can address: setting a flag is one instruction, in interrupts too.
 const FLAGS: *mut u8 = 0x3E as *mut u8;
 /// A task is in the queue.
 const WORK: u8 = 1 << 0;
 /// An alarm of `embassy-time` may be due; 1 and 2 are those of [`RECEIVER`] and [`USER`].
 pub(crate) const TIME: u8 = 1 << 3;
-/// An edge has come that a task waits for.
+/// An edge has come for which a task waits.
 pub(crate) const EDGE: u8 = 1 << 4;
 
-/// The bit of the flag by which the watchdog's interrupt says that a half of its time is over.
+/// The bit of the flag by which the watchdog's interrupt reports that half of its time has passed.
 #[cfg(not(feature = "bare"))]
 pub(crate) const WATCHDOG_BIT: u8 = 4;
 
@@ -36,8 +34,8 @@ pub(crate) fn set(flag: u8) {
     unsafe { FLAGS.write_volatile(FLAGS.read_volatile() | flag) }
 }
 
-/// A waker whose waking an interrupt leaves to the executor. To wake a task takes some 200 cycles and
-/// all the registers that a function may change; to set a flag takes two cycles.
+/// A waker that an interrupt leaves to the executor. Waking a task takes about 200 cycles and all registers that a
+/// function may change; setting a flag takes two cycles.
 pub(crate) struct Deferred<const FLAG: u8>(UnsafeCell<WakerRegistration>);
 
 // SAFETY: tasks register and the loop of `run` wakes, one after the other; interrupts only set the flag.
@@ -59,13 +57,13 @@ impl<const FLAG: u8> Deferred<FLAG> {
         unsafe { &mut *self.0.get() }.register(waker);
     }
 
-    /// Has the executor wake it.
+    /// Requests the executor to wake the task.
     #[inline(always)]
     pub fn wake(&self) {
         set(FLAG);
     }
 
-    /// Wakes it if its flag is among these.
+    /// Wakes the task if its flag is among these.
     fn wake_if(&self, flags: u8) {
         if flags & FLAG != 0 {
             // SAFETY: see `Sync`; waking puts a task into the queue and runs nothing.
@@ -94,8 +92,8 @@ pub fn run<I: Interrupts + Unwatched>(_: I, init: impl FnOnce(Spawner)) -> ! {
     run_with(init, I::serve)
 }
 
-/// [`run`] beside the watchdog: `on_half` is called whenever half of its time is over, and has to see to it that it is
-/// [fed](watchdog::feed).
+/// Runs tasks for ever like [`run`], with the watchdog: `on_half` is called whenever half of its time has passed, and must
+/// have it [fed](watchdog::feed).
 #[inline(always)]
 pub fn run_watched<I: Interrupts + watchdog::Bound>(
     _: I,
@@ -114,7 +112,7 @@ pub fn run_watched<I: Interrupts + watchdog::Bound>(
     })
 }
 
-/// Runs tasks for ever. `see_to` is given the flags before tasks are run.
+/// Runs tasks for ever. `see_to` gets the flags before tasks are polled.
 #[inline(always)]
 fn run_with(init: impl FnOnce(Spawner), see_to: impl Fn(u8)) -> ! {
     let executor = raw::Executor::new(core::ptr::null_mut());
@@ -134,7 +132,7 @@ fn run_with(init: impl FnOnce(Spawner), see_to: impl Fn(u8)) -> ! {
             unsafe { asm!("sei", "sleep") };
             continue;
         }
-        // SAFETY: as above; what was set is seen to below.
+        // SAFETY: as above; the flags that were set are handled below.
         unsafe {
             FLAGS.write_volatile(0);
             avr_device::interrupt::enable();

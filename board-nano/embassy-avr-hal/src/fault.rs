@@ -1,13 +1,13 @@
-//! What becomes of a panic and of an interrupt that nobody handles, and why the chip has started.
+//! The handling of panics and of interrupts without a handler, and the cause of the last reset.
 //!
-//! A panic is a call of `abort`, avr-libc's of which stands still for ever: with interrupts off, where the interrupt panics
-//! that sends, DE stays up. [`bind_interrupts!`](crate::bind_interrupts) defines another where it binds `USART0`: interrupts off, DE low, and a reset by the
-//! watchdog 16 ms later; if the watchdog is off, silence for ever. An interrupt without a handler comes there too, where
-//! avr-libc starts the program anew with the peripherals as they are.
+//! A panic calls `abort`. That of avr-libc loops for ever with interrupts off: if the interrupt that sends panics, DE
+//! stays up. [`bind_interrupts!`](crate::bind_interrupts) defines another where it binds `USART0`: interrupts off, DE
+//! low, and a reset by the watchdog 16 ms later; if the watchdog is off, the chip stays silent. An interrupt without a
+//! handler calls it too, where avr-libc would restart the program without a reset of the peripherals.
 //!
-//! A boot loader that clears MCUSR may leave in r2 what was there: Optiboot does from version 4.6 on. One that tells
-//! nobody makes the cause [`ResetCause::Other`], but for a fault, which is kept in RAM. Before version 6 Optiboot makes a
-//! reset by the watchdog of one by the pin.
+//! A boot loader that clears MCUSR may pass its value on in r2: Optiboot does from version 4.6 on. If it does not,
+//! the cause is [`ResetCause::Other`], except after a fault, which is kept in RAM. Before version 6 Optiboot reports
+//! a reset by the watchdog as one by the pin.
 
 use core::arch::{asm, global_asm};
 
@@ -22,12 +22,12 @@ const EXTRF: u8 = 1 << 1;
 const BORF: u8 = 1 << 2;
 const WDRF: u8 = 1 << 3;
 
-/// What is kept through a reset: RAM keeps its contents, and the start-up code leaves `.noinit` alone.
+/// The state that outlives a reset: RAM keeps its contents, and the start-up code leaves `.noinit` alone.
 #[repr(C)]
 struct Kept {
-    /// [`FAULT`] if the program has reset the chip; half of it once that was looked at.
+    /// [`FAULT`] if the program has reset the chip; half of it after it was read once.
     fault: u8,
-    /// r2 at the start; then MCUSR if that had flags.
+    /// The value of r2 at the start; then MCUSR if it had flags.
     flags: u8,
 }
 
@@ -47,24 +47,24 @@ global_asm!(
     ".text",
 );
 
-/// See [`Kept::fault`].
+/// The value of [`Kept::fault`] after a fault.
 const FAULT: u8 = 2;
 
-/// [`Kept::fault`].
+/// The address of [`Kept::fault`].
 #[inline(always)]
 fn fault() -> *mut u8 {
     // SAFETY: the address only: there may be any byte.
     unsafe { &raw mut embassy_avr_hal_kept.fault }
 }
 
-/// [`Kept::flags`].
+/// The address of [`Kept::flags`].
 #[inline(always)]
 fn kept_flags() -> *mut u8 {
     // SAFETY: as above.
     unsafe { &raw mut embassy_avr_hal_kept.flags }
 }
 
-/// `abort`: takes the driver off the bus, keeps that this was why, and has the watchdog reset the chip in 16 ms if it
+/// The `abort` of the program: takes DE down, records the fault, and lets the watchdog reset the chip in 16 ms if it
 /// runs.
 #[doc(hidden)]
 #[inline(always)]
@@ -75,13 +75,13 @@ pub fn abort<DE: DriverEnable>() -> ! {
     unsafe { fault().write_volatile(FAULT) };
     crate::watchdog::hasten();
     loop {
-        // SAFETY: changes nothing; keeps the loop, which has no other effect, what it is.
+        // SAFETY: no effect; without it the compiler might change the empty loop.
         unsafe { asm!("", options(nomem, nostack)) };
     }
 }
 
-/// Keeps why the chip has started, for [`reset_cause`]. Once, at the start of `main`. Clears the flags, so that the next start does
-/// not find them; the watchdog cannot be set or stopped before (DS 11.9.2, WDE).
+/// Records the cause of the last reset, for [`reset_cause`]. To be called once, at the start of `main`. Clears the
+/// flags, so that the next start does not find them; the watchdog cannot be set or stopped before (DS 11.9.2, WDE).
 #[inline(always)]
 pub fn keep_cause() {
     // SAFETY: MCUSR holds nothing but these flags, and `Kept` is of this module; `main` is alone. Any byte may be there.
@@ -91,12 +91,12 @@ pub fn keep_cause() {
         if flags != 0 {
             kept_flags().write_volatile(flags);
         }
-        // Then it is 1, and 0 after the next start.
+        // It is 1 then, and 0 after the next start.
         fault().write_volatile(fault().read_volatile() >> 1);
     }
 }
 
-/// Why the chip has started, once [`keep_cause`] has kept it.
+/// The cause of the last reset, as [`keep_cause`] has recorded it.
 pub fn reset_cause() -> ResetCause {
     // SAFETY: RAM of this module, written by the start-up code and by `keep_cause`.
     let (flags, was_fault) = unsafe {
@@ -105,13 +105,13 @@ pub fn reset_cause() -> ResetCause {
             fault().read_volatile() == FAULT / 2,
         )
     };
-    // What r2 has by chance is no flags.
+    // A random value of r2 is not a set of flags.
     let flags = if flags <= PORF | EXTRF | BORF | WDRF {
         flags
     } else {
         0
     };
-    // After power-up RAM may be anything.
+    // After power-up RAM may have any content.
     if flags & PORF != 0 {
         ResetCause::Power
     } else if was_fault {
@@ -119,7 +119,7 @@ pub fn reset_cause() -> ResetCause {
     } else if flags & BORF != 0 {
         ResetCause::BrownOut
     } else if flags & EXTRF != 0 {
-        // Optiboot ends its wait after the pin by the watchdog.
+        // Optiboot uses the watchdog to end its wait after a reset by the pin.
         ResetCause::Pin
     } else if flags & WDRF != 0 {
         ResetCause::Watchdog

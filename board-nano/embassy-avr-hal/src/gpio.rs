@@ -1,17 +1,18 @@
 //! Pins of ports B, C and D (DS 14), with the `embedded-hal` 1.0 traits, and whole ports as outputs.
 //!
-//! A pin is a type; changing it is one `sbi` or `cbi`, which no interrupt can split (DS, note to the register summary).
+//! Each pin is a type. Changing a pin is one `sbi` or `cbi`, which no interrupt can split (DS, note to the register
+//! summary).
 
 use core::convert::Infallible;
 
 use embedded_hal::digital::{ErrorType, InputPin, OutputPin, StatefulOutputPin};
 
-/// A pin of the chip. Sealed: the types in this module are all there are.
+/// A pin of the chip. Sealed: the types in this module implement it.
 pub trait Pin: sealed::Sealed {
-    /// Address of its PIN register; DDR and PORT follow it (DS 14.4).
+    /// The address of its PIN register; DDR and PORT follow it (DS 14.4).
     #[doc(hidden)]
     const PIN: usize;
-    /// Its bit in these registers.
+    /// The mask of its bit in these registers.
     #[doc(hidden)]
     const MASK: u8;
 }
@@ -151,15 +152,15 @@ pub(crate) fn hold_rxd_high() {
     set(0x2B, 1 << 0);
 }
 
-/// A data enable pin of an RS-485 transceiver, driven by the line's interrupts; or [`NoDe`].
+/// The DE pin of an RS-485 transceiver, which the line's interrupts drive; or [`NoDe`].
 pub trait DriverEnable {
-    /// Whether the wires are one pair for both directions, since there is a driver to enable.
+    /// Whether both directions share one pair of wires, since there is a driver to enable.
     const IS_ONE_PAIR: bool = true;
     /// Makes the pin an output, low.
     fn init();
-    /// Lets the transceiver drive the bus.
+    /// Enables the driver of the transceiver.
     fn raise();
-    /// Lets the transceiver listen.
+    /// Disables the driver of the transceiver.
     fn lower();
 }
 
@@ -206,8 +207,8 @@ pub type PortCOut = PortOut<0x26>;
 pub type PortDOut = PortOut<0x29>;
 
 impl<const PIN: usize> PortOut<PIN> {
-    /// Takes the pins of `mask` as outputs, low. Pins outside of it are left alone for ever, so that
-    /// RX, TX, DE or a crystal may share the port.
+    /// Takes the pins of `mask` as outputs, low. All other pins are never changed, so RX, TX, DE or a crystal may
+    /// share the port.
     pub fn new(mask: u8) -> Self {
         let mut port = Self { mask };
         port.write(0);
@@ -215,10 +216,10 @@ impl<const PIN: usize> PortOut<PIN> {
         port
     }
 
-    /// Drives the pins as the bits of `value` say; bits outside of the mask are ignored.
+    /// Sets the pins to the bits of `value`; bits outside of the mask are ignored.
     pub fn write(&mut self, value: u8) {
         critical_section::with(|_| {
-            // An interrupt that switches DE in between would be undone without the critical section.
+            // Without the critical section, an interrupt that switches DE in between would be undone.
             let others = get(PIN + 2) & !self.mask;
             // SAFETY: the PORT register of a port; pins outside of the mask keep their level.
             unsafe { ((PIN + 2) as *mut u8).write_volatile(others | value & self.mask) }
@@ -238,7 +239,7 @@ macro_rules! pins {
             }
         )*
 
-        /// All pins, once.
+        /// All pins, of which there is one set.
         #[allow(non_snake_case)]
         pub struct Pins {
             $(#[doc = concat!("Pin ", stringify!($name), ".")] pub $name: $name,)*

@@ -1,14 +1,14 @@
-//! Which interrupts a binary has bound, as a type: a token.
+//! The token of a binary: a type that shows which interrupts are bound.
 //!
-//! [`bind_interrupts!`](crate::bind_interrupts) defines both, the handlers and the token. What needs an interrupt takes the token and
-//! demands that it binds that interrupt, so that a forgotten one stops the build.
+//! [`bind_interrupts!`](crate::bind_interrupts) defines the handlers and the token. A driver takes the token and demands that it
+//! binds the driver's interrupt, so that a forgotten one stops the build.
 
 /// What the executor runs for a token. [`bind_interrupts!`](crate::bind_interrupts) implements it.
 ///
 /// # Safety
-/// The handlers of all interrupts that the token says are bound have to be in the binary.
+/// The handlers of all interrupts that the token binds must be in the binary.
 pub unsafe trait Interrupts: Copy + 'static {
-    /// The token.
+    /// The value of the token.
     #[doc(hidden)]
     const TOKEN: Self;
 

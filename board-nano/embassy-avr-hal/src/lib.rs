@@ -1,6 +1,6 @@
 //! Embassy on the ATmega328P.
 //!
-//! | module | gives |
+//! | module | content |
 //! |---|---|
 //! | [`executor`] | an executor that truly sleeps when idle and loses no wake-up |
 //! | [`interrupts`] | the token of what is bound, by [`bind_interrupts!`] |
@@ -9,15 +9,15 @@
 //! | [`gpio`] | pins with the `embedded-hal` 1.0 traits |
 //! | [`edge`] | edges of port D's pins to wait for, with the trait of `embedded-hal-async` |
 //! | [`eeprom`] | the 1024 bytes of EEPROM, written in the background |
-//! | [`fault`] | what becomes of a panic, and why the chip has started |
+//! | [`fault`] | the handling of panics, and the cause of the last reset |
 //! | [`watchdog`] | the watchdog |
-//! | [`stack`] | how deep the stack has been, and a guard at its end |
+//! | [`stack`] | the depth of the stack, and a guard at its end |
 //! | [`baud`] | divider and error of a baud rate |
 //!
-//! Timer1 belongs to this crate: it runs free at an eighth of the clock, compare B measures the
-//! silence on the line, compare A is the alarm of `embassy-time`. Timer0 and Timer2 are the user's.
-//! So is everything else, but for GPIOR0 (flags of the executor), GPIOR1 and GPIOR2 (the line's) and bit 0 of PCMSK2
-//! (the start-bit detector, see [`usart`]). Pin-change interrupts on port D are to be had from [`edge`] only.
+//! Timer1 belongs to this crate: it runs freely at an eighth of the clock, compare B measures the silence on the
+//! line, compare A is the alarm of `embassy-time`. Timer0 and Timer2 are free for the application, and so is
+//! everything else except GPIOR0 (flags of the executor), GPIOR1 and GPIOR2 (of the line) and bit 0 of PCMSK2 (the
+//! start-bit detector, see [`usart`]). Use [`edge`] for pin-change interrupts on port D.
 //!
 //! "DS" is the ATmega328P data sheet, Microchip DS40002061B.
 #![no_std]

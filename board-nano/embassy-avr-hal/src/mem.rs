@@ -1,15 +1,15 @@
-//! What the compiler calls, in a few bytes: its own `memcpy` and `memset` are unrolled and take 520 bytes of flash,
-//! `memmove` 708, the 32-bit division 1208.
+//! Functions that the compiler calls, in few bytes: the compiler's own `memcpy` and `memset` are unrolled and take
+//! 520 bytes of flash, `memmove` 708, the 32-bit division 1208.
 
 use core::arch::{asm, naked_asm};
 
-/// C's `memcpy`.
+/// The `memcpy` of C.
 ///
 /// # Safety
 /// As in C.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn memcpy(to: *mut u8, from: *const u8, len: usize) -> *mut u8 {
-    // SAFETY: copies `len` bytes, which the caller answers for.
+    // SAFETY: copies `len` bytes, for which the caller is responsible.
     unsafe {
         asm!(
             "rjmp 3f",
@@ -26,13 +26,13 @@ unsafe extern "C" fn memcpy(to: *mut u8, from: *const u8, len: usize) -> *mut u8
     to
 }
 
-/// C's `memset`.
+/// The `memset` of C.
 ///
 /// # Safety
 /// As in C.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn memset(to: *mut u8, byte: i16, len: usize) -> *mut u8 {
-    // SAFETY: fills `len` bytes, which the caller answers for.
+    // SAFETY: fills `len` bytes, for which the caller is responsible.
     unsafe {
         asm!(
             "rjmp 3f",
@@ -47,7 +47,7 @@ unsafe extern "C" fn memset(to: *mut u8, byte: i16, len: usize) -> *mut u8 {
     to
 }
 
-/// C's `memmove`.
+/// The `memmove` of C.
 ///
 /// # Safety
 /// As in C.
@@ -57,8 +57,8 @@ unsafe extern "C" fn memmove(to: *mut u8, from: *const u8, len: usize) -> *mut u
         // SAFETY: as this function's; copying upwards reads each byte before it is overwritten.
         return unsafe { memcpy(to, from, len) };
     }
-    // SAFETY: copies `len` bytes from the last one down, which the caller answers for. Both pointers are at most one past their
-    // objects, and wrap as addresses do.
+    // SAFETY: copies `len` bytes from the last one down, for which the caller is responsible. Both pointers are at
+    // most one past their objects, and wrap as addresses do.
     unsafe {
         asm!(
             "rjmp 3f",
@@ -75,10 +75,10 @@ unsafe extern "C" fn memmove(to: *mut u8, from: *const u8, len: usize) -> *mut u
     to
 }
 
-/// Quotient and remainder of 32 bits, bit by bit: some 640 cycles whatever the numbers, 74 bytes.
+/// Quotient and remainder of 32 bits, bit by bit: about 640 cycles for any numbers, 74 bytes.
 ///
 /// The dividend is in R25:R22, the divisor in R21:R18; the quotient goes to R21:R18, the remainder to R25:R22 (avr-gcc's calling
-/// convention for this function, which LLVM shares). Division by 0 is checked for by the caller.
+/// convention for this function, which LLVM shares). The caller checks for division by 0.
 #[unsafe(no_mangle)]
 #[unsafe(naked)]
 unsafe extern "C" fn __udivmodsi4() {

@@ -1,9 +1,8 @@
-//! The stack: painted by the start-up code, measured when it is asked for, and its end looked at with each feeding of the
-//! watchdog.
+//! The stack: painted by the start-up code, measured on request, and checked with each feeding of the watchdog.
 //!
-//! What lies below it are the static variables. A stack that grows into them overwrites the paint at its end first, and is
-//! found out at the latest when the watchdog is fed: the program ends as by a panic, and so does it start anew
-//! ([`fault`](crate::fault)). Where the watchdog is off nobody looks.
+//! The static variables lie below the stack. A stack that grows into them overwrites the paint at its end first. The
+//! next feeding of the watchdog detects that, and the program ends as by a panic ([`fault`](crate::fault)). If the
+//! watchdog is off, there is no check.
 
 use core::arch::global_asm;
 
@@ -17,7 +16,7 @@ pub struct Stack {
     pub used: usize,
 }
 
-/// What the free RAM is filled with.
+/// The byte that fills the free RAM at the start.
 const PAINT: u8 = 0xC5;
 
 /// One past the last byte of RAM, as an address.
@@ -26,7 +25,7 @@ const END: usize = 0x900;
 unsafe extern "C" {
     /// The end of the static variables, by the linker.
     static _end: u8;
-    /// [`fault`](crate::fault) has what it does.
+    /// Ends the program, see [`fault`](crate::fault).
     fn abort() -> !;
 }
 
@@ -45,14 +44,14 @@ global_asm!(
     end = const END >> 8,
 );
 
-/// The byte so far above the end of the stack.
+/// The byte at this distance above the end of the stack.
 #[inline(always)]
 fn byte(offset: usize) -> u8 {
     // SAFETY: reading RAM has no effect; the callers stay below [`END`].
     unsafe { (&raw const _end).add(offset).read_volatile() }
 }
 
-/// Ends the program as by a panic if the stack has been at its end.
+/// Ends the program as by a panic if the stack has reached its end.
 #[inline(always)]
 pub(crate) fn check() {
     if byte(0) != PAINT || byte(1) != PAINT {
@@ -61,7 +60,7 @@ pub(crate) fn check() {
     }
 }
 
-/// How deep the stack has been. It takes some 5 cycles for each byte that has not been in use.
+/// The depth of the stack since the start. Takes about 5 cycles for each byte that has not been in use.
 pub fn stack() -> Stack {
     let size = END - (&raw const _end).addr();
     let free = (0..size).take_while(|&offset| byte(offset) == PAINT);

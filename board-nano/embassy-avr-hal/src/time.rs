@@ -1,13 +1,13 @@
 //! A driver for `embassy-time` on Timer1's compare A.
 //!
-//! It is linked only into a binary that names `TIME` in [`bind_interrupts!`](crate::bind_interrupts). Alarms are kept in a few
-//! slots, one for each task that waits ([`SLOTS`] if not said otherwise); 64-bit arithmetic is left to the conversions that
-//! `embassy-time` itself makes.
+//! It is linked only into a binary that names `TIME` in [`bind_interrupts!`](crate::bind_interrupts). Alarms are kept in
+//! slots, one for each task that waits ([`SLOTS`] by default). Only the conversions of `embassy-time` itself use 64-bit
+//! arithmetic.
 //! The tick of `embassy-time` (its `tick-hz-...` feature) is scaled from the timer's with a
 //! remainder, so no time is lost at clocks such as 11.0592 MHz.
 //!
-//! Looking through the alarms and waking tasks takes some 1000 cycles, at fast rates longer than a character. So the
-//! interrupt of the alarm only sets a flag, and the executor's loop does that, with interrupts on.
+//! Searching the alarms and waking tasks takes about 1000 cycles, which is longer than a character at fast rates. So
+//! the interrupt of the alarm only sets a flag, and the executor's loop does the rest, with interrupts on.
 
 use core::cell::{Cell, UnsafeCell};
 use core::task::Waker;
@@ -20,16 +20,16 @@ use multidrop_protocol::message::Message;
 use crate::executor::{self, TIME};
 use crate::timer1::{self, OCF1A, PRESCALER, TOV1};
 
-/// How many tasks may wait at a time, if [`bind_interrupts!`](crate::bind_interrupts) is not told otherwise; 8 bytes of RAM each. A task
-/// counts once, however many timers it waits for. One that finds no free slot is woken at once and tries again: it is
-/// in time all the same, but meanwhile the CPU does not sleep.
+/// The number of tasks that may wait at a time, unless [`bind_interrupts!`](crate::bind_interrupts) sets another; 8 bytes
+/// of RAM each. A task counts once, however many timers it waits for. A task that finds no free slot is woken at once and
+/// tries again: it is still in time, but meanwhile the CPU does not sleep.
 pub const SLOTS: usize = 4;
 
-/// The most slots there can be: all are looked through for each alarm.
+/// The maximum number of slots, since all are searched for each alarm.
 pub const SLOTS_MAX: usize = 32;
 
-/// How far ahead an alarm is set at most, in ticks of `embassy-time`. A later one wakes its task early,
-/// and the task asks again.
+/// How far ahead an alarm is set at most, in ticks of `embassy-time`. A later alarm wakes its task early, and the
+/// task sets it again.
 const HORIZON: u32 = 1 << 30;
 
 struct Alarm {
@@ -46,7 +46,7 @@ unsafe impl<const SLOTS: usize> Sync for Alarms<SLOTS> {}
 
 /// A moment, as it is read with interrupts off.
 struct Moment {
-    /// Time at the last overflow of Timer1, in ticks of `embassy-time`, and what was not a whole one.
+    /// The time at the last overflow of Timer1, in ticks of `embassy-time`, and the fraction of a tick beyond it.
     base: u64,
     remainder: u32,
     /// The timer's own count.
@@ -55,9 +55,9 @@ struct Moment {
 
 /// The driver for a CPU clock of `CLOCK_HZ` and `SLOTS` tasks that wait at a time.
 pub struct TimeDriver<const CLOCK_HZ: u32, const SLOTS: usize> {
-    /// Time at the last overflow of Timer1, in ticks of `embassy-time`.
+    /// The time at the last overflow of Timer1, in ticks of `embassy-time`.
     base: Mutex<Cell<u64>>,
-    /// What of it was not a whole tick, in parts of `DENOMINATOR`.
+    /// The fraction of a tick beyond it, in parts of `DENOMINATOR`.
     remainder: Mutex<Cell<u32>>,
     alarms: Alarms<SLOTS>,
 }
@@ -72,7 +72,7 @@ impl<const CLOCK_HZ: u32, const SLOTS: usize> TimeDriver<CLOCK_HZ, SLOTS> {
         "embassy-time's tick-hz must be at most an eighth of the clock, and a simple fraction of it"
     );
 
-    /// A turn of the timer in ticks of `embassy-time`, and what is left.
+    /// A turn of the timer in ticks of `embassy-time`, and the remainder.
     const TURN: u32 = 0x1_0000 * Self::NUMERATOR / Self::DENOMINATOR;
     const TURN_REST: u32 = 0x1_0000 * Self::NUMERATOR % Self::DENOMINATOR;
 
@@ -115,7 +115,7 @@ impl<const CLOCK_HZ: u32, const SLOTS: usize> TimeDriver<CLOCK_HZ, SLOTS> {
         }
     }
 
-    /// One turn of the timer is over.
+    /// Counts a turn of the timer.
     ///
     /// # Safety
     /// From the TIMER1_OVF interrupt only.
@@ -149,7 +149,7 @@ impl<const CLOCK_HZ: u32, const SLOTS: usize> TimeDriver<CLOCK_HZ, SLOTS> {
         critical_section::with(|cs| {
             let mut count = timer1::now();
             if timer1::registers().tifr1().read().bits() & TOV1 != 0 {
-                // The turn is over but its interrupt has not run, and will not; the count may be from before it.
+                // The turn is over, but its interrupt has not been executed; the count may be from before it.
                 timer1::clear(TOV1);
                 self.turn(cs);
                 executor::set(TIME);
@@ -169,7 +169,8 @@ impl<const CLOCK_HZ: u32, const SLOTS: usize> TimeDriver<CLOCK_HZ, SLOTS> {
         parts / Self::DENOMINATOR
     }
 
-    /// Wakes whoever is due, and sets the timer for the next one. From a task or the executor's loop.
+    /// Wakes the tasks whose alarms are due, and sets the timer for the next alarm. From a task or the executor's
+    /// loop.
     #[inline(never)]
     fn serve_alarms(&self) {
         loop {
@@ -188,12 +189,12 @@ impl<const CLOCK_HZ: u32, const SLOTS: usize> TimeDriver<CLOCK_HZ, SLOTS> {
                     soonest = soonest.min(left);
                 }
             }
-            // Never early: rounded up, and the count is a little old already.
+            // Rounded up, so that an alarm is never early; the count is slightly old already.
             let turns = soonest.checked_mul(Self::DENOMINATOR);
             let ticks = turns.and_then(|turns| u16::try_from(turns.div_ceil(Self::NUMERATOR)).ok());
             let is_passed = critical_section::with(|_| {
                 let Some(ticks) = ticks else {
-                    // Not in this turn, whose end is a reason to look again.
+                    // The alarm is not in this turn; the end of the turn looks for it again.
                     timer1::disable(OCF1A);
                     return false;
                 };
@@ -219,7 +220,7 @@ impl<const CLOCK_HZ: u32, const SLOTS: usize> Driver for TimeDriver<CLOCK_HZ, SL
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
         if !interrupt::is_enabled() {
-            // Perhaps from an interrupt, which may have come while the alarms are in use.
+            // This may be an interrupt, while the alarms are in use.
             return waker.wake_by_ref();
         }
         let moment = self.moment();
@@ -234,8 +235,8 @@ impl<const CLOCK_HZ: u32, const SLOTS: usize> Driver for TimeDriver<CLOCK_HZ, SL
             let own = |slot: &&mut Option<Alarm>| matches!(slot, Some(alarm) if alarm.waker.will_wake(waker));
             let slot = match alarms.iter_mut().find(own) {
                 Some(slot) => {
-                    // A task may wait for several times at once: the soonest counts, at that one
-                    // it asks for the others again. One that is due and has not been seen to is sooner than any.
+                    // A task may wait for several times at once: the soonest counts, and then the task sets the
+                    // others again. An alarm that is due and was not handled is sooner than any.
                     if let Some(alarm) = slot {
                         let before = alarm.at.wrapping_sub(now);
                         if before <= left || before > HORIZON {
@@ -266,7 +267,7 @@ const fn common(mut a: u32, mut b: u32) -> u32 {
     a
 }
 
-/// Stops the build if `tasks` tasks wait for time and `slots` is less.
+/// Stops the build if more tasks are named than there are slots.
 #[doc(hidden)]
 pub const fn check_slots(slots: usize, tasks: usize) {
     if tasks > slots {

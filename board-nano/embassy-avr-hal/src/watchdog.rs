@@ -1,14 +1,15 @@
 //! The watchdog (DS 11.8, 11.9.2).
 //!
-//! It runs in its interrupt-and-reset mode with half of its time: when a half is over its interrupt has the executor call what
-//! [`run_watched`](crate::executor::run_watched) was given, and [`feed`] arms the interrupt again. If that was not called when the
-//! next half is over, the chip is reset; so it is if interrupts are off. It needs no timer and costs an interrupt of some cycles
-//! in each half.
+//! It runs in its interrupt-and-reset mode with half of its time: after each half, its interrupt lets the executor call the
+//! function that [`run_watched`](crate::executor::run_watched) was given, and [`feed`] arms the interrupt again. If that was not
+//! called by the end of the next half, or if interrupts are off, the chip is reset. This needs no timer, and costs an interrupt
+//! of some cycles in each half.
 //!
-//! A frame that a task keeps for longer than the longest frame takes and the watchdog's time withholds the feeding.
+//! A task may keep a frame for the time of the longest frame plus the watchdog's time; after that the watchdog is not
+//! fed.
 //!
-//! The old boot loader of Nanos (ATmegaBOOT) does not turn the watchdog off that runs after its reset, and loops for ever:
-//! with that one it must not be used.
+//! The old boot loader of Nanos (ATmegaBOOT) does not turn off the watchdog that runs after its reset, and loops for
+//! ever: the watchdog must not be used with it.
 
 use multidrop_protocol::message::Message;
 
@@ -19,41 +20,42 @@ pub use running::feed;
 #[cfg(not(feature = "bare"))]
 pub(crate) use running::{frame_is_back, half_is_over, hasten};
 
-/// Nothing to feed.
+/// Does nothing: there is no watchdog to feed.
 #[cfg(feature = "bare")]
 pub fn feed() {}
 
-/// Whether there is a watchdog: not where the image is built without guards.
+/// Whether there is a watchdog: not in an image that is built bare.
 pub const CAN_RUN: bool = !cfg!(feature = "bare");
 
-/// Says that the watchdog's interrupt is bound. [`bind_interrupts!`](crate::bind_interrupts) implements it.
+/// Marks that the watchdog's interrupt is bound. [`bind_interrupts!`](crate::bind_interrupts) implements it.
 ///
 /// # Safety
-/// The handler has to be in the binary.
+/// The handler must be in the binary.
 #[diagnostic::on_unimplemented(
     message = "the interrupt of the watchdog is not bound: name WATCHDOG in bind_interrupts!",
     label = "`{Self}` does not bind it"
 )]
 pub unsafe trait Bound {}
 
-/// The times that there are, in ms.
+/// The times of the watchdog, in ms.
 const TIMES_MS: [u32; 9] = [32, 64, 125, 250, 500, 1000, 2000, 4000, 8000];
 
 /// The time of the watchdog.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watchdog {
-    /// Half of it is 16 ms shifted by this.
+    /// Half of the time is 16 ms shifted by this.
     step: u8,
 }
 
 impl Watchdog {
-    /// Two seconds.
+    /// The default of two seconds.
     pub const DEFAULT: Self = Self::ms::<2000>();
 
-    /// A time in ms: 32, 64, 125, 250, 500, 1000, 2000, 4000 or 8000, by an oscillator that is off by some 10 % (DS 30.9).
+    /// A time in ms: 32, 64, 125, 250, 500, 1000, 2000, 4000 or 8000, by an oscillator that is off by about 10 % (DS
+    /// 30.9).
     ///
     /// # Panics
-    /// At compile time, for any other.
+    /// At compile time, for any other value.
     pub const fn ms<const MS: u32>() -> Self {
         const { Self::of(MS) }
     }
@@ -78,7 +80,7 @@ impl Watchdog {
         (((clock_hz / PRESCALER / 1000 * 16 * 7 / 8) << self.step) / 1024) as u16
     }
 
-    /// Starts the watchdog, whose interrupt the token binds. At the start of `main`, where interrupts are off, behind
+    /// Starts the watchdog, whose interrupt the token binds. To be called at the start of `main`, where interrupts are off, behind
     /// [`keep_cause`](crate::fault::keep_cause).
     #[cfg(not(feature = "bare"))]
     #[inline(always)]
@@ -87,7 +89,7 @@ impl Watchdog {
     }
 }
 
-/// Turns the watchdog off, which runs on after a reset of its own (DS 11.9.2, WDE). As [`Watchdog::start`].
+/// Turns off the watchdog, which runs on after it has reset the chip (DS 11.9.2, WDE). To be called as [`Watchdog::start`].
 #[cfg(not(feature = "bare"))]
 #[inline(always)]
 pub fn stop() {
@@ -105,7 +107,7 @@ mod running {
     const WDCE: u8 = 1 << 4;
     const WDE: u8 = 1 << 3;
 
-    /// Sets WDTCSR, which takes a change within four cycles of WDCE only. Interrupts must be off.
+    /// Sets WDTCSR, which can be changed only within four cycles of WDCE. Interrupts must be off.
     #[inline(always)]
     pub fn set(control: u8) {
         // SAFETY: the timed sequence of DS 11.8.2; the values are in registers before it.
@@ -121,7 +123,7 @@ mod running {
         }
     }
 
-    /// Has it reset the chip in 16 ms if it runs at all.
+    /// Lets the watchdog reset the chip in 16 ms, if it runs.
     #[inline(always)]
     pub fn hasten() {
         // SAFETY: reading has no effect.
@@ -135,7 +137,7 @@ mod running {
         set(WDIE | WDE | step & 7 | if step > 7 { WDP3 } else { 0 });
     }
 
-    /// For how long a frame is lent, as is seen when halves of the watchdog's time are over: in units of 1024 ticks.
+    /// How long a frame has been lent, counted at each half of the watchdog's time: in units of 1024 ticks.
     static LENT: Lent = Lent(Cell::new(0));
 
     struct Lent(Cell<u16>);
@@ -143,11 +145,11 @@ mod running {
     // SAFETY: tasks and the executor's loop use it, one after the other.
     unsafe impl Sync for Lent {}
 
-    /// A half of the time, so many units, is over. Whether no frame is lent for longer than the longest takes, so many units, and
-    /// the watchdog's time, which is two halves, and the half in which it was lent.
+    /// Counts a half of the time, in units of 1024 ticks. Returns whether no frame is lent for longer than the
+    /// longest frame takes, plus the watchdog's time, which is two halves, plus the half in which it was lent.
     #[inline(always)]
     pub fn half_is_over(half: u16, is_lent: bool, longest: u16) -> bool {
-        // `frame_is_back` has set it to 0.
+        // `frame_is_back` has set the time to 0.
         if !is_lent {
             return true;
         }
@@ -156,7 +158,7 @@ mod running {
         lent <= longest + half * 3
     }
 
-    /// The frame is given back.
+    /// The frame was given back.
     #[inline(always)]
     pub fn frame_is_back() {
         LENT.0.set(0);
@@ -170,7 +172,7 @@ mod running {
         unsafe { WDTCSR.write_volatile(WDTCSR.read_volatile() | WDIE) };
     }
 
-    /// WATCHDOG (DS 12.4: vector 6, counted from 0): has the executor call what feeds it.
+    /// WATCHDOG (DS 12.4: vector 6, counted from 0): lets the executor call what feeds it.
     #[unsafe(naked)]
     #[unsafe(no_mangle)]
     extern "C" fn __vector_6() {

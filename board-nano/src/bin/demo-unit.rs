@@ -9,7 +9,7 @@ use board_nano::{Rs485, bind_interrupts, options, settings};
 use multidrop::prelude::*;
 use multidrop_apps::demo_unit::DemoUnit;
 
-// Everything there is to set. A value that cannot work does not compile.
+// The settings of the port. A value that cannot work does not compile.
 const PORT: PortConfig = PortConfig::new("RS4")
     .slave_id(options::unit(1))
     .baud(options::baud(38_400))

@@ -1,5 +1,5 @@
-//! A unit that fails while it answers, for tests: unit 5, 38400 8N1 if not built otherwise. How is up to who asks
-//! ([`multidrop_apps::faults`]).
+//! A unit that fails while it answers, for tests: unit 5, 38400 8N1 unless built for others. The request
+//! selects the fault ([`multidrop_apps::faults`]).
 #![no_std]
 #![no_main]
 #![feature(abi_avr_interrupt)]

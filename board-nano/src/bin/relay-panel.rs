@@ -96,7 +96,7 @@ impl Panel {
         match before {
             Some(before) if before[relay] == now[relay] => {}
             Some(_) => return Ok(()),
-            // Nobody can show_result whether it has moved.
+            // Whether it has moved is unknown.
             None => return Err(error),
         }
         client.write_register(PORT.unit(), register, TOGGLE).await?;

@@ -1,5 +1,5 @@
-//! A unit that fails while it answers, for tests: unit 5 on RS4, 38400 8N1 if not built otherwise. How is up to who asks
-//! ([`multidrop_apps::faults`]).
+//! A unit that fails while it answers, for tests: unit 5 on RS4, 38400 8N1 unless built for others. The request
+//! selects the fault ([`multidrop_apps::faults`]).
 #![no_std]
 #![no_main]
 
@@ -55,7 +55,7 @@ multidrop::tasks! {
                     NVIC::pend(pac::Interrupt::SPI1);
                 }
                 Failure::UnhandledInterrupt => {
-                    // SAFETY: that nobody handles it is what is asked for.
+                    // SAFETY: an interrupt without a handler is intended.
                     unsafe { interrupt::SPI2.enable() };
                     NVIC::pend(pac::Interrupt::SPI2);
                 }

@@ -48,7 +48,7 @@ const PORTS: [PortConfig; 4] = manager::table([
 /// How long RS4 waits for a unit at first, and what the printer takes for one's answer.
 const TIMEOUT_MS: u32 = 50;
 
-/// Who asks on RS4: its registers, the scan list, the routers.
+/// The tasks that send requests on RS4: the run task of its registers, the poll list, the routers.
 const CLIENTS: usize = 4;
 
 type As1 = ManagedPort<Usart, PortRegisters<Bank<1>, NoCoils, NoRules>>;

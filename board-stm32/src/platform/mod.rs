@@ -23,10 +23,10 @@ compile_error!("an image needs feature hardware or qemu");
 
 use embassy_stm32::interrupt::Priority;
 
-/// Interrupts of the line are in one group, so that they do not nest: each port waits for at most one interrupt
-/// of each other. Of those that wait, characters go before alarms, which are a little longer.
+/// The priority of the USART interrupts. Interrupts of the line are in one group, so that they do not nest: each port waits for at
+/// most one interrupt of each other port. Pending characters go before alarms, which take slightly longer.
 const CHARACTERS: Priority = Priority::P0;
-/// See [`CHARACTERS`].
+/// The priority of the alarm interrupts, in one group with [`CHARACTERS`].
 const ALARMS: Priority = Priority::P1;
 /// What the line's interrupts may interrupt.
 #[cfg(feature = "hardware")]

@@ -256,12 +256,12 @@ impl Clock {
     }
 }
 
-/// For tests: TIM2 goes round in so many us. Before tasks run.
+/// For tests: lets TIM2 wrap after this number of us. Call it before tasks run.
 pub(crate) fn wrap_time_in(us: u32) {
     TIM2.cnt().write(|w| *w = us.wrapping_neg());
 }
 
-/// For tests: TIM5 goes round in so many us. While no port has an alarm on.
+/// For tests: lets TIM5 wrap after this number of us. Call it while no port has an alarm on.
 pub(crate) fn wrap_line_timer_in(us: u32) {
     critical_section::with(|cs| {
         TIM5.cnt()

@@ -58,7 +58,7 @@ pub(crate) fn on_alarm(port: usize) {
     unsafe { &mut *SHARED[port].get() }.on_alarm();
 }
 
-/// So many ms are over since this was last called: whether no port's frame is lent for longer than the longest frame takes, and
+/// Called `ms` milliseconds after the last call. Returns whether no port's frame is lent for longer than the longest frame takes, and
 /// the watchdog's time.
 pub(crate) fn no_frame_is_stuck(ms: u32, time_ms: u32) -> bool {
     critical_section::with(|_| {

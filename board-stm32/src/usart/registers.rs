@@ -59,7 +59,7 @@ impl Registers {
         }
     }
 
-    /// SR.
+    /// The status register SR.
     #[inline(always)]
     pub fn status(&self) -> u32 {
         self.usart.sr().read().0
@@ -171,7 +171,7 @@ impl Registers {
         }
     }
 
-    /// DE down.
+    /// Takes DE down.
     #[inline(always)]
     pub fn lower_de(&self) {
         if let Some(pin) = self.de() {

@@ -26,7 +26,7 @@ pub struct Settings {
     pub(crate) brr: u16,
     /// Format and oversampling.
     pub(crate) cr1: u16,
-    /// Stop bits.
+    /// The stop bits of CR2.
     pub(crate) cr2: u16,
     /// What of a received word is data.
     pub(crate) data: u8,
@@ -38,7 +38,7 @@ pub struct Settings {
     pub(crate) cts_timeout_ms: u16,
     /// In ticks of the ports' timer.
     pub(crate) intervals: Intervals,
-    /// DE_LEAD.
+    /// The register DE_LEAD.
     pub(crate) de_lead_us: u16,
     /// RESPONSE_DELAY, where the port answers.
     pub(crate) response_delay_ms: u16,

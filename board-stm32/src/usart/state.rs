@@ -103,7 +103,7 @@ impl State {
         }
     }
 
-    /// So many ms are over: whether a frame that is lent may be kept still. It may for as long as the longest frame takes and is
+    /// Called `ms` milliseconds after the last call. Returns whether a frame that is lent may be kept still. It may for as long as the longest frame takes and is
     /// delayed or held, and the watchdog's time, and the ms in which it was lent.
     pub fn may_keep_frame(&mut self, ms: u32, time_ms: u32) -> bool {
         let driver = &mut self.driver;

@@ -18,15 +18,15 @@ use crate::slot::Slot;
 /// A frame that was received, lent and provisional, or the errors of a damaged one.
 pub(super) type Incoming<L> = Result<Frame<'static, L>, ReceiveErrors>;
 
-/// Whose answer the line waits for.
+/// The request whose answer the line waits for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Expected {
     Nobodys,
-    /// Nobody's: the frame that is kept came too late, and may not stand.
+    /// No request: the frame that is kept came too late, and may not stand.
     Late,
-    /// A client's.
+    /// The request of a client.
     Clients,
-    /// That of a transaction which the registers of a managed port have started.
+    /// The request of a transaction which the registers of a managed port have started.
     Started,
 }
 

@@ -49,7 +49,7 @@ enum Stage {
     Pause,
     /// Is about to wait for another turn.
     Later,
-    /// Has ended.
+    /// It has ended.
     Over,
 }
 

@@ -32,26 +32,26 @@ impl Key {
 /// [`poll_lent`](Lend::poll_lent) is ready, and neither happens again before [`give_back`](Lend::give_back). While it is lent
 /// nothing is written to it, and nothing read before [`release`](Lend::release).
 pub unsafe trait Lend {
-    /// For [`receive`](Line::receive): how long the frame is that is lent by this, 2..=254.
+    /// Lends a received frame, for [`receive`](Line::receive); ready with its length, 2..=254.
     ///
     /// # Errors
     /// As `receive`.
     fn poll_received(&self, context: &mut Context<'_>, key: Key)
     -> Poll<Result<u8, ReceiveErrors>>;
 
-    /// For [`lend`](Line::lend): the buffer is lent by this.
+    /// Lends the buffer, for [`lend`](Line::lend).
     fn poll_lent(&self, context: &mut Context<'_>, key: Key) -> Poll<()>;
 
-    /// The buffer.
+    /// The buffer of the line.
     fn buffer(&self, key: Key) -> NonNull<Adu>;
 
-    /// [`Frame::release`].
+    /// Releases the frame, for [`Frame::release`].
     fn release(&self, len: u8, key: Key);
 
-    /// [`Frame::settle`].
+    /// Waits until the frame stands or is void, for [`Frame::settle`].
     fn poll_settled(&self, context: &mut Context<'_>, key: Key) -> Poll<bool>;
 
-    /// [`Released::sent`].
+    /// Waits for the end of the transmission, for [`Released::sent`].
     fn poll_sent(&self, context: &mut Context<'_>, key: Key) -> Poll<bool>;
 
     /// The frame was dropped: the buffer is the line's again, an answer that has not started is
@@ -344,7 +344,7 @@ pub struct LineBuffer(UnsafeCell<Adu>);
 unsafe impl Sync for LineBuffer {}
 
 impl LineBuffer {
-    /// Zeros.
+    /// A buffer of zeros.
     pub const fn new() -> Self {
         Self(UnsafeCell::new([0; size_of::<Adu>()]))
     }

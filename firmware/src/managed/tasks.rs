@@ -93,7 +93,7 @@ where
     run!(port, &port.registers)
 }
 
-/// The same, but a slave answers with `model` in place of the port's arrays.
+/// Runs a managed port like [`managed_run`], but a slave answers with `model` in place of the port's arrays.
 ///
 /// # Cancellation
 /// As [`managed_run`].

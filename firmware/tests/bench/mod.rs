@@ -1,6 +1,6 @@
-//! Managed ports on lines without a chip, whose peers and whose time the test decides, a millisecond at a time.
+//! Managed ports on lines without a chip; the test controls the peers and the time, a millisecond at a time.
 //!
-//! Tasks are polled when they are woken and not otherwise, so that a wake-up that is missing shows.
+//! Tasks are polled only when they are woken, so that a missing wake-up shows.
 
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;

@@ -1,6 +1,6 @@
-//! A client on a line without a chip, whose peer and whose time the test decides.
+//! A client on a line without a chip; the test controls the peer and the time.
 //!
-//! Tasks are polled when they are woken and not otherwise, so that a wake-up that is missing shows.
+//! Tasks are polled only when they are woken, so that a missing wake-up shows.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
 pub mod once;
@@ -26,7 +26,7 @@ use multidrop::{Client, ClientError, ClientPort, client_receive};
 pub enum Heard {
     /// A frame with a good check, unit id and PDU.
     Frame(Vec<u8>),
-    /// The same, but a late character voids it.
+    /// A frame that a late character voids.
     Void(Vec<u8>),
     /// A damaged one.
     Damaged(ReceiveErrors),

@@ -1,4 +1,4 @@
-//! A port that asks through a router.
+//! A port whose requests are routed.
 
 use multidrop::protocol::port_registers::PortRegisters;
 use multidrop::protocol::registers::{Bank, NoCoils, NoRules};

@@ -47,7 +47,7 @@ pub const MIN_CYCLES_PER_BIT: u32 = 16;
 /// Ticks that the longest frame has at most: the turns of Timer1 in it are counted in a byte.
 const FRAME_TICKS_MAX: u32 = 0xFF_FFFF;
 
-/// The slowest rate, in baud, at which Timer1, at an eighth of `clock_hz`, counts a character of so many bits, and the longest frame,
+/// The slowest rate, in baud, at which Timer1, at an eighth of `clock_hz`, counts a character of `character_bits` bits, and the longest frame,
 /// with one more character, that takes it: 256 of them in RTU, 513 in ASCII.
 pub const fn slowest(clock_hz: u32, character_bits: u32, is_ascii: bool) -> u32 {
     let characters = if is_ascii { 2 * 257 } else { 257 };

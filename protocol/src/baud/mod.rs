@@ -1,6 +1,6 @@
 //! Baud rates that a divider makes of a clock: the nearest to a wanted rate, and how far off it is.
 //!
-//! A USART makes a bit of a whole number of clock cycles, and its divider can have them in steps of so many. What the divider
+//! A bit of a USART takes a whole number of clock cycles, which the divider sets in steps. What the divider
 //! of each chip can have is in [`atmega`] and [`stm32`]; all else is equal and stands here. All of it is `const` and in `u32`
 //! but for [`error_ppm`].
 

@@ -15,7 +15,7 @@
 //! ```
 //! use multidrop_protocol::client::{Asking, LateAnswers, Failure, Event, Moment, Next};
 //!
-//! Times are in ms.
+//! // Times are in ms.
 //! let at = |now| Moment { now, timeout: 100, guard: 100, gap: 0 };
 //! let mut late_answers = LateAnswers::new();
 //! let mut first = Asking::new(17, 0);
@@ -24,7 +24,7 @@
 //! let next = first.heard(&mut late_answers, Event::Nothing, &at(100));
 //! assert_eq!(next, Next::Failed(Failure::Timeout));
 //!
-//! Another request with that unit and function must wait for the late answer, or for 100 ms.
+//! // Another request with that unit and function must wait for the late answer, or for 100 ms.
 //! let second = Asking::new(17, 0);
 //! assert_eq!(second.wait(&mut late_answers, 3, 110), 90);
 //! assert_eq!(second.wait(&mut late_answers, 4, 110), 0);

@@ -23,7 +23,7 @@
 //! assert_eq!(client::judge(&request, 17, 0x03, &answer), Ok(()));
 //! assert_eq!(request.answer(&answer).unwrap().get(1), Some(0x5652));
 //!
-//! Another unit's answer, and an answer that is cut off.
+//! // Another unit's answer, and an answer that is cut off.
 //! assert_eq!(client::judge(&request, 18, 0x03, &answer), Err(AnswerError::Unit(17)));
 //! assert_eq!(client::judge(&request, 17, 0x03, &answer[..7]), Err(AnswerError::Length(7)));
 //! ```
@@ -60,7 +60,7 @@ use crate::frame::{LEN_MAX, LEN_MIN};
 use crate::function::EXCEPTION_BIT;
 use crate::{Adu, BROADCAST, UNIT_MAX};
 
-/// One request.
+/// One request of a client.
 ///
 /// It is used as `&dyn Request`, so that all functions share the code that sends and waits.
 pub trait Request {

@@ -9,7 +9,7 @@ use crate::Adu;
 use crate::frame::ReceiveErrors;
 use crate::port_registers::Duplex;
 
-/// Which of a line's two tasks waits.
+/// The task that waits, of the two tasks of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Waiting {
     /// The one that waits for a frame: [`Wire::wake_receiver`] wakes it.
@@ -42,8 +42,8 @@ pub trait Chip {
     /// from an interrupt, and it is the one machine and wire that the interrupts use.
     fn with<R>(&self, f: impl FnOnce(&mut LineMachine, &mut Self::Wire) -> R) -> R;
 
-    /// As [`with`](Chip::with), and before `f` keeps the waker for the calls of [`Wire`] that are to wake this task: what comes
-    /// behind `f` wakes it.
+    /// Calls `f` as [`with`](Chip::with) does, and before it keeps the waker for the calls of [`Wire`] that wake this task: an
+    /// event after `f` wakes it.
     fn with_waker<R>(
         &self,
         waiting: Waiting,

@@ -3,7 +3,7 @@
 use crate::format::{Framing, LineFormat};
 use crate::port_registers::{Flow, InterCharacter, LineSettings, Mode, PortSettings};
 
-/// Which part a line has in a transaction: it says when a frame is judged.
+/// The part of a line in a transaction, which determines when a frame is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// [As close to t3.5 as two clocks allow](crate::timing::margin): a late part of a frame voids it, and

@@ -43,10 +43,10 @@ use crate::rtu::Transmission;
 #[repr(u8)]
 enum Phase {
     Collecting,
-    /// As above, and a start bit was seen when the alarm went off.
+    /// A frame comes in, and a start bit was seen when the alarm went off.
     Begun,
     Complete,
-    /// As above, and a start bit was seen when the alarm went off.
+    /// A frame is complete, and a start bit was seen when the alarm went off.
     CompleteBegun,
     /// The frame stands; t3.5 is near.
     Settled,
@@ -64,7 +64,7 @@ enum Verdict {
     None,
     Pending,
     Stands,
-    /// As above, but it is too late for an answer: somebody has talked since.
+    /// The frame stands, but it is too late for an answer: another station has sent since.
     Late,
     /// It stood, and what was released was cut off.
     Cut,
@@ -81,7 +81,7 @@ enum Buffer {
     Free,
     /// The line, with a complete frame in it.
     Full,
-    /// A task.
+    /// A task has it.
     Lent,
 }
 

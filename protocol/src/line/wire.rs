@@ -10,11 +10,11 @@ pub enum Interval {
     /// From t1.5 to the moment in which the frame is judged, t3.5 of the same silence less [the margin](crate::timing::margin);
     /// nothing where a gap over t1.5 is allowed, since that moment completes a frame there.
     ToStand,
-    /// The same, less one character that has been waited for already; at least nothing.
+    /// As long as [`ToStand`](Self::ToStand) less one character, which was waited for already; at least 0.
     ToStandLessCharacter,
     /// From the moment in which the frame is judged to t3.5; nothing if they are the same.
     ToStart,
-    /// One character.
+    /// The time of one character.
     Character,
     /// t3.5, from now.
     T3_5,
@@ -65,7 +65,7 @@ pub trait Wire {
     fn restart(&mut self);
     /// The RTU frame that has come in.
     fn finish(&mut self) -> Received;
-    /// The buffer.
+    /// The buffer of the line.
     fn adu(&self) -> &Adu;
     /// Receiver off, DE up, first character out.
     fn talk(&mut self, first: u8);
@@ -105,7 +105,7 @@ pub trait Wire {
     fn end(&mut self);
     /// DE down, receiver on.
     fn listen(&mut self);
-    /// The same, and what the transmitter still holds is dropped: it does not come to its end.
+    /// Does what [`listen`](Self::listen) does, and drops the character that the transmitter holds.
     #[inline(always)]
     fn cut(&mut self) {
         self.listen();

@@ -82,7 +82,7 @@ macro_rules! port_registers {
                     /// 0 none, 1 RTS/CTS, on ports that were opened with these pins.
                     25 FLOW Flow: Flow of "0 (none) or 1 (RTS/CTS)" => flow = Flow::None;
 
-                    /// 0: a gap of more than t1.5 voids a frame; 1: gaps shorter than t3.5 do no harm; 2 to 50: a silence of so many
+                    /// 0: a gap of more than t1.5 voids a frame; 1: gaps shorter than t3.5 do no harm; 2 to 50: a silence of this number of
                     /// ms ends a frame.
                     26 INTER_CHARACTER InterCharacter: InterCharacter
                         in 0..=50 of "0 (strict), 1 (off) or 2..=50 (ms that end a frame)"
@@ -121,7 +121,7 @@ macro_rules! port_registers {
                     10 COILCNT CoilCnt: u16 in 1..=2000;
                 }
                 arrays {
-                    /// The registers.
+                    /// The registers of the port.
                     3 REGS Regs [index: u16]: u16 in 0..=65_535;
 
                     /// The coils; 1 and 255 are on.

@@ -6,40 +6,40 @@ use super::register::Register;
 use crate::UNIT_MAX;
 use crate::format::Framing;
 
-/// A value that a register does not take; nothing was changed. Displayed it names the register, the value and what would be
-/// right.
+/// A value that a register does not accept; nothing was changed. The message names the register, the value and the values that are
+/// accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Refused {
-    /// The register that has, or would have, the wrong value: for START the one that stands in the way.
+    /// The register with the wrong value; for START the register that prevents it.
     pub register: Register,
-    /// That value.
+    /// The value that was refused.
     pub value: u32,
-    /// What is wrong with it.
+    /// The reason of the refusal.
     pub reason: Reason,
 }
 
-/// What is wrong with a value.
+/// The reason of a refusal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reason {
-    /// The register takes no such value: see [`Register::range`] and [`Register::choices`].
+    /// The register does not accept the value: see [`Register::range`] and [`Register::choices`].
     Value,
-    /// As all else is set it has to be in this range, both ends included.
+    /// With the other settings, the value must be in this range, both ends included.
     Range(u32, u32),
     /// The mode is not in this version.
     NotYet,
-    /// The register only tells.
+    /// The register is read only.
     ReadOnly,
-    /// The array, or the list of rules, has so many elements.
+    /// The array, or the list of rules, has this number of elements.
     Index(u32),
-    /// The first item would be at this address, which leaves no room for so many.
+    /// The array has this number of items, which must fit between the first address and 65535.
     Base(u32),
-    /// For this function it has to be in 1..= this.
+    /// For this function the value must be 1 to this number.
     Count(u8, u16),
-    /// So many items were asked for, and the array has so many.
+    /// The number of items in the request, and the number in the array, which is smaller.
     Beyond(u16, u32),
-    /// The last address would be behind 65535 with this BASE and so many items.
+    /// The last address would be above 65535 with this BASE and this number of items.
     Address(u16, u16),
     /// The port has no coils for this function.
     NoCoils,

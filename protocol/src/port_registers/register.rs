@@ -110,7 +110,7 @@ impl Register {
     }
 }
 
-/// As [`Register::from_name`] takes it.
+/// The name, in the form that [`Register::from_name`] accepts.
 impl fmt::Display for Register {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())?;

@@ -28,11 +28,11 @@ macro_rules! settings {
             $( $(#[$line_doc])* pub $line_field: $line_type, )*
         }
 
-        /// The settings of a port that registers begin with.
+        /// The settings with which the registers of a port begin.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct PortSettings {
             $( $(#[$doc])* pub $field: $type, )*
-            /// The line.
+            /// The settings of the line.
             pub line: LineSettings,
         }
 

@@ -31,7 +31,7 @@ pub enum Duplex {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Flow {
-    /// None.
+    /// No flow control.
     None = 0,
     /// RTS and CTS.
     RtsCts = 1,
@@ -45,7 +45,7 @@ pub enum InterCharacter {
     Strict,
     /// A silence of t3.5, less [the margin for two clocks](crate::timing::margin), ends a frame, and shorter gaps do no harm.
     Off,
-    /// A silence of so many ms ends a frame, 2..=50, and shorter gaps do no harm: for peers behind USB adapters,
+    /// A silence of this number of ms ends a frame, 2..=50, and shorter gaps do no harm: for peers behind USB adapters,
     /// which pause for 16 ms inside frames. Where t3.5 is longer, t3.5 ends it.
     Gap(u8),
 }
@@ -79,7 +79,7 @@ macro_rules! values {
         }
 
         impl Value {
-            /// The register.
+            /// The register of the value.
             #[inline(always)]
             pub fn register(self) -> Register {
                 match self {
@@ -87,7 +87,7 @@ macro_rules! values {
                 }
             }
 
-            /// The number that the value is on the wire.
+            /// The number of the value on the wire.
             #[inline(always)]
             pub fn number(self) -> u32 {
                 match self {
@@ -100,12 +100,12 @@ macro_rules! values {
 
 port_registers!(values);
 
-/// What a value of a register is as a number.
+/// The number of a register's value.
 pub(super) trait Number: Sized {
-    /// The value of a number that is in the register's range; `None` where only a few are values, and this is none of them.
+    /// The value of a number in the register's range; `None` if the number stands for no value.
     fn from_number(number: u32) -> Option<Self>;
 
-    /// Its number.
+    /// The number of the value.
     fn number(self) -> u32;
 }
 

@@ -1,4 +1,4 @@
-//! A line with a driver that does nothing but note what it is told.
+//! A line with a driver that only records its calls.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
 use multidrop_protocol::Adu;
@@ -151,7 +151,7 @@ impl Line {
         Line::with(None)
     }
 
-    /// As above, set up for ASCII.
+    /// A line that is set up for ASCII.
     pub fn ascii() -> Line {
         Line::with(Some(Ascii::new()))
     }

@@ -16,14 +16,14 @@ use multidrop_bus::{
 use nix::sys::signal::{SigSet, Signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-/// Time given to the nodes to boot: many times what they need, t3.5 included.
+/// The time in which the nodes boot: many times what they need, t3.5 included.
 const BOOT: Time = Time::from_ms(50);
 
 /// A simulated bus in real time, with a serial port on it.
 #[derive(Debug, Parser)]
 #[command(name = "sim")]
 struct Arguments {
-    /// Which nodes are on the bus
+    /// The nodes on the bus
     scenario: Scenario,
     /// The firmware of a node, in the order of the nodes
     #[arg(long = "image", value_name = "PATH")]
@@ -31,7 +31,7 @@ struct Arguments {
     /// The link to the serial port
     #[arg(long, value_name = "PATH", default_value = "./bus")]
     link: PathBuf,
-    /// End after so many seconds
+    /// End after this number of seconds
     #[arg(long, value_name = "N")]
     seconds: Option<u64>,
     /// The baud rate of the line
@@ -40,10 +40,10 @@ struct Arguments {
     /// The format of its characters
     #[arg(long, value_name = "FORMAT", default_value = "8N1")]
     format: Format,
-    /// Run the STM32 in QEMU, with an image that is built for it: it is not in real time then
+    /// Run the STM32 in QEMU, with an image that is built for it, slower than real time
     #[arg(long)]
     qemu: bool,
-    /// Send a canned frame as soon as the nodes listen, and show it with what it caused
+    /// Send a canned frame when the nodes listen, and show it with its effects
     #[arg(long, value_name = "NAME")]
     inject: Option<Canned>,
 }
@@ -54,7 +54,7 @@ enum Scenario {
     DemoUnit,
     /// One Nano with unit id 1
     Registers,
-    /// A Nano that is a client, and its server; its two buttons are pressed in turn, one every two seconds
+    /// A Nano that is a client, and its server; each of its two buttons is pressed every two seconds
     RelayPanel,
     /// Every function, unit 17
     NanoConformance,
@@ -67,7 +67,7 @@ enum Scenario {
 }
 
 impl Scenario {
-    /// The files the nodes' images are in by default.
+    /// The default image files of the nodes.
     fn images(self) -> &'static [&'static str] {
         match self {
             Scenario::DemoUnit => &[
@@ -90,12 +90,12 @@ impl Scenario {
     }
 }
 
-/// Frames of which every byte is known, checksum included.
+/// Frames of which every byte is given, checksum included.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Canned {
     /// Unit 1: read holding register 0
     ReadHolding,
-    /// The same with a wrong checksum
+    /// Unit 1: a write with a wrong checksum
     BadCrc,
     /// Unit 17: read holding registers 107 to 109
     ReadHolding17,
@@ -147,7 +147,7 @@ enum SimError {
 }
 
 impl SimError {
-    /// 2 where something else has to be asked for, 1 where the work could not be done.
+    /// 2 for wrong use, 1 if the work failed.
     fn exit_code(&self) -> u8 {
         match self {
             SimError::Bus(BusError::Stopped { .. })
@@ -180,12 +180,12 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), SimError> {
-    // Before anything else, so that no signal comes too early to be noticed.
+    // First, so that no signal comes too early.
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(SimError::Signals)?;
     }
-    // What became this program may have held them back.
+    // The program that this one has replaced may have blocked them.
     let ours = SigSet::from_iter([Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP]);
     ours.thread_unblock()
         .map_err(|error| SimError::Signals(error.into()))?;
@@ -237,7 +237,7 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
     if let Some(canned) = waiting {
         live.bus().host(injector).send(canned.frame());
     }
-    // A time too far away to be told is never.
+    // A time beyond the range is never.
     let end = arguments
         .seconds
         .and_then(|seconds| Instant::now().checked_add(Duration::from_secs(seconds)));
@@ -248,7 +248,7 @@ fn run(arguments: &Arguments) -> Result<(), SimError> {
             say(&bus.record().to_string());
         }
         if waiting.is_none() {
-            // It runs for days: nothing may grow.
+            // It may run for days, so no memory may accumulate.
             bus.clear_record();
         }
         bus.host(injector).take();
@@ -272,7 +272,7 @@ fn press(bus: &mut Bus, panel: NodeId) {
     }
 }
 
-/// To standard output, at once; whoever read it may have gone.
+/// Writes to standard output at once; the reader may be gone.
 fn say(text: &str) {
     let mut out = std::io::stdout();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());

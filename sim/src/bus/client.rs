@@ -5,18 +5,18 @@ use crate::host::RxByte;
 use crate::record::HostId;
 use crate::time::Time;
 
-/// The answer to a request, as a host heard it.
+/// The answer to a request, as a host received it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Answer {
     /// The bytes, damaged ones included.
     pub bytes: Vec<u8>,
-    /// The same with times and flags.
+    /// The received characters with times and flags.
     pub received: Vec<RxByte>,
     /// When the request's last stop bit ended.
     pub request_end: Time,
-    /// When the answer's last stop bit ended, by the clock of who sent it.
+    /// When the answer's last stop bit ended, by the sender's clock.
     pub end: Time,
-    /// Pauses between the answer's characters, exact, in their order.
+    /// The exact pauses between the answer's characters, in their order.
     pub gaps: Vec<Time>,
 }
 
@@ -35,11 +35,10 @@ impl Answer {
 }
 
 impl Bus {
-    /// Sends a request and waits for the answer: what comes within `timeout` of the request's end,
-    /// up to a silence of 3.5 characters (1750 us above 19200 baud). `None`: nothing came.
+    /// Sends a request and waits for the answer: the characters that begin within `timeout` of the request's end, up
+    /// to a silence of 3.5 characters (1750 us above 19200 baud). Returns `None` if none came.
     ///
-    /// Returns one character later than that, so that a request sent right after it does not begin
-    /// at the very edge of t3.5.
+    /// Returns one character later than that, so that a request sent right after it does not begin exactly at t3.5.
     pub fn transact(&mut self, id: HostId, request: &[u8], timeout: Time) -> Option<Answer> {
         let host = self.host(id);
         host.take();

@@ -23,7 +23,7 @@ impl Bus {
         self.add_stm32_in_parts(stm32, Parts::default())
     }
 
-    /// The same, and the parts of its image are counted apart, which takes the host longer.
+    /// Adds an STM32 whose image is counted in parts, which takes the host longer.
     ///
     /// # Errors
     /// As [`Bus::add_stm32`].
@@ -51,7 +51,7 @@ impl Bus {
         self.machines.iter()
     }
 
-    /// A machine.
+    /// The machine with this id.
     pub fn machine(&self, id: MachineId) -> &Machine {
         &self.machines[id.0]
     }
@@ -66,7 +66,7 @@ impl Bus {
         }
     }
 
-    /// A machine.
+    /// The machine with this id, mutable.
     pub fn machine_mut(&mut self, id: MachineId) -> &mut Machine {
         &mut self.machines[id.0]
     }

@@ -12,7 +12,7 @@ impl Bus {
     /// Runs for a span of bus time.
     ///
     /// # Panics
-    /// Where [`Bus::try_run_for`] has an error.
+    /// If [`Bus::try_run_for`] returns an error.
     pub fn run_for(&mut self, span: impl Into<Time>) {
         self.run_to(self.now.saturating_add(span.into()));
     }
@@ -20,7 +20,7 @@ impl Bus {
     /// Runs for a span of bus time.
     ///
     /// # Errors
-    /// [`BusError::Stopped`] when a machine's process has died or hangs; the bus has come to the end of the span all the same.
+    /// [`BusError::Stopped`] if a machine's process has died or hangs; the bus has still reached the end of the span.
     pub fn try_run_for(&mut self, span: impl Into<Time>) -> Result<(), BusError> {
         let deadline = self.now.saturating_add(span.into());
         self.look_again();
@@ -38,8 +38,8 @@ impl Bus {
         ran.unwrap_or_else(|error| panic!("{error}"));
     }
 
-    /// Runs until `done` says so, looked at whenever something happened, but at most for `limit`.
-    /// Returns whether it did.
+    /// Runs until `done` returns true, which is checked after each event, but at most for `limit`. Returns whether it
+    /// did.
     ///
     /// # Panics
     /// As [`Bus::run_for`].
@@ -64,7 +64,7 @@ impl Bus {
         }
     }
 
-    /// Nodes may have been given inputs from outside.
+    /// Nodes may have received inputs from outside.
     fn look_again(&mut self) {
         for index in 0..self.nodes.len() {
             self.refresh(index);
@@ -78,7 +78,7 @@ impl Bus {
         }
     }
 
-    /// One event or one run of one node; false at the deadline.
+    /// Handles one event, or runs one node once; returns false at the deadline.
     pub(super) fn step(&mut self, deadline: Time) -> bool {
         self.collect();
         let (mut first, mut second) = ((Time::NEVER, 0), Time::NEVER);
@@ -143,7 +143,7 @@ impl Bus {
         self.queue.insert((at, self.sequence), (wire, event));
     }
 
-    /// Takes over what stations have announced.
+    /// Collects the events that stations have announced.
     pub(super) fn collect(&mut self) {
         for index in 0..self.nodes.len() {
             if self.nodes[index].has_outputs() {
@@ -230,7 +230,7 @@ impl Bus {
         self.schedule(frame.times.end(), wire, Event::End(station));
     }
 
-    /// Everything that is due now, as one change of the wire.
+    /// Applies all events that are due now, as one change of the wire.
     pub(super) fn happen(&mut self) {
         for host in &mut self.hosts {
             host.advance(self.now);

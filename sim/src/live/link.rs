@@ -43,7 +43,7 @@ impl Link {
         }) {
             Ok(()) => Ok(link),
             Err(error) => {
-                // What stands there is not ours.
+                // The path is in other use.
                 link.target = PathBuf::new();
                 Err(error)
             }

@@ -29,7 +29,7 @@ pub use pace::Behind;
 
 /// How long the bus is left alone at most; half of what bytes may take from the client to the line.
 const TICK: Duration = Duration::from_millis(1);
-/// The same while a client may wait for an answer: for so long after its last byte.
+/// The tick in place of [`TICK`] while a client may wait for an answer: for [`QUICK`] after its last byte.
 const QUICK_TICK: Duration = Duration::from_micros(200);
 const QUICK: Duration = Duration::from_millis(500);
 
@@ -41,7 +41,7 @@ pub enum LiveError {
     #[error("{} exists and is not a link; choose another path", .0.display())]
     NotALink(PathBuf),
     /// The link's path is taken by a link that was not made here.
-    #[error("{} is a link to {}, which no sim made; choose another path, or remove it", path.display(), target.display())]
+    #[error("{} is a link to {}, which no sim has made; choose another path, or remove it", path.display(), target.display())]
     ForeignLink {
         /// The link asked for.
         path: PathBuf,
@@ -104,7 +104,7 @@ impl Live {
         self.tell = Box::new(tell);
     }
 
-    /// The bus.
+    /// The bus that is run.
     pub fn bus(&mut self) -> &mut Bus {
         &mut self.bus
     }

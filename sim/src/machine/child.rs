@@ -98,7 +98,7 @@ impl Child {
         format!("{}: {error}", self.name)
     }
 
-    /// Ends it.
+    /// Ends the process.
     pub fn kill(&mut self) {
         let _ = self.process.kill();
     }

@@ -152,7 +152,7 @@ enum Runs {
     Core(Box<Silicon>),
 }
 
-/// An STM32F405.
+/// An STM32F405 on the bus.
 pub struct Machine {
     name: String,
     ports: Vec<Connected>,
@@ -204,12 +204,12 @@ impl Machine {
         self.ports.push(Connected { port, host, wire });
         match &mut self.runs {
             Runs::Qemu(qemu) => qemu.connect(port, host),
-            // A wire that nobody drives is at the mark.
+            // An undriven wire is at the mark.
             Runs::Core(silicon) => silicon.receive(port, true),
         }
     }
 
-    /// Its name.
+    /// The name of the machine.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -331,7 +331,7 @@ impl Machine {
     }
 }
 
-/// What a port has told, with where it is; nobody hears a port that is on no wire.
+/// The events of a port and its wire; a port without a wire is not received.
 fn told(ports: &[Connected], output: Output) -> Option<MachineOutput> {
     let host = |port: usize| {
         let found = ports.iter().find(|known| known.port == port);

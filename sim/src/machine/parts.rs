@@ -162,7 +162,7 @@ fn is_of(context: &Context<Slice<'_>>, address: u64, source: &str, except: &[&st
 /// Instructions that a machine has executed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Instructions {
-    /// All.
+    /// All instructions together.
     pub all: u64,
     /// While it waited for work.
     pub idle: u64,

@@ -26,7 +26,7 @@ pub struct Access {
     pub stored: Option<u32>,
 }
 
-/// The process.
+/// The process of QEMU.
 pub struct Qemu {
     child: Child,
     barrier: UnixStream,
@@ -115,7 +115,7 @@ impl Qemu {
             .iter()
             .map(|(_, listener)| accept(listener))
             .collect::<Result<Vec<_>, _>>()?;
-        // Nobody waits for the process without looking whether it is there.
+        // Each wait for the process checks whether it is alive.
         let prepare = || -> io::Result<()> {
             Child::prepare(&barrier)?;
             Child::prepare(&qtest)?;
@@ -143,12 +143,12 @@ impl Qemu {
         self.failure.as_deref()
     }
 
-    /// Instructions executed.
+    /// The number of instructions executed.
     pub fn count(&self) -> u64 {
         self.counted.all
     }
 
-    /// The same in parts.
+    /// The number of instructions executed, in parts.
     pub fn counted(&self) -> Instructions {
         self.counted
     }
@@ -204,7 +204,7 @@ impl Qemu {
         }
     }
 
-    /// What the USARTs send comes out of their sockets too. It is known already, but nobody else empties them, and the
+    /// What the USARTs send comes out of their sockets too. It is known already, but they must be emptied, and the
     /// machine would wait for ever.
     fn drain(&mut self) {
         let mut some = [0; 64];

@@ -8,7 +8,7 @@ use crate::time::Time;
 
 #[derive(Default)]
 pub(super) struct Transmitter {
-    /// What stands in the data register, and since when.
+    /// The content of the data register, and since when.
     waiting: Option<(Time, u8)>,
     /// When the character in the shift register, or the last one that was there, has left with its stop bits.
     busy_until: Time,

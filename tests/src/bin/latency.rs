@@ -117,7 +117,7 @@ fn run(arguments: &Arguments) -> Result<(), Trouble> {
     Ok(())
 }
 
-/// So many of a hundred are no more than this.
+/// The span that `part` of a hundred spans do not exceed.
 fn percentile(spans: &[f64], part: usize) -> f64 {
     let mut sorted = spans.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -187,7 +187,7 @@ impl Drop for Sim {
     }
 }
 
-/// The same as the client has it.
+/// The latencies of a case, measured by the clock of the client.
 fn by_the_clock(arguments: &Arguments, case: &Case<'_>) -> Result<Vec<f64>, Trouble> {
     let io = |what: String| move |source| Trouble::Io { what, source };
     let failed = |said: String| Trouble::Failed {

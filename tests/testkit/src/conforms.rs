@@ -14,7 +14,7 @@ use super::{LINE, Rig, Runner, conformance};
 pub enum Board {
     /// An ATmega328P in simavr.
     Nano,
-    /// An STM32F405.
+    /// An STM32F405 in this runner.
     Stm32(Runner),
 }
 

@@ -1,4 +1,4 @@
-//! RTU frames, put together without the firmware's code.
+//! RTU frames, made without the firmware's code.
 
 use crc::{CRC_16_MODBUS, Crc};
 

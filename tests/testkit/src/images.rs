@@ -117,7 +117,7 @@ pub fn example(name: &str) -> PathBuf {
     once(format!("example {name}"), || built(&["example", name]))
 }
 
-/// The same at this rate.
+/// The image of an example at this rate.
 pub fn example_at(name: &str, baud: u32) -> PathBuf {
     let baud = baud.to_string();
     once(format!("example {name} {baud}"), || {
@@ -138,7 +138,7 @@ pub fn stm32_registers(runner: Runner) -> PathBuf {
     stm32_registers_at(runner, LINE)
 }
 
-/// The same, for `line`.
+/// The image of the application `registers` for `line`.
 pub fn stm32_registers_at(runner: Runner, line: Line) -> PathBuf {
     let options = runner.option().into_iter().collect();
     for_line("stm32", "registers", options, line, LINE)

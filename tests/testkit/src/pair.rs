@@ -9,9 +9,9 @@ use super::{Runner, registers, stm32_registers_at};
 
 /// A client and a unit on one line.
 pub struct Pair {
-    /// The bus.
+    /// The bus of the pair.
     pub bus: Bus,
-    /// The client.
+    /// The client's host.
     pub client: HostId,
     /// What both are set to.
     pub line: Line,

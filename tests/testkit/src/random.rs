@@ -9,7 +9,7 @@ impl Random {
         Self(multidrop_bus::Random::new(seed))
     }
 
-    /// Any number.
+    /// A number of 64 bits.
     pub fn next(&mut self) -> u64 {
         self.0.any()
     }
@@ -29,7 +29,7 @@ impl Random {
         self.0.pick(choices)
     }
 
-    /// `count` bytes.
+    /// A vector of `count` random bytes.
     pub fn bytes(&mut self, count: usize) -> Vec<u8> {
         (0..count).map(|_| self.next() as u8).collect()
     }

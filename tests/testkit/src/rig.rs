@@ -1,4 +1,4 @@
-//! One node that runs `registers`, and a host that asks it.
+//! One node with the image `registers`, and a host that sends it requests.
 
 use std::path::Path;
 
@@ -11,11 +11,11 @@ use super::{LINE, Rules, Runner, assert_bus_rules, image, registers};
 
 /// A bus with one host and nodes. Every exchange is held against the rules of the bus.
 pub struct Rig {
-    /// The bus.
+    /// The bus with its nodes.
     pub bus: Bus,
     /// The nodes, in their order.
     pub nodes: Vec<NodeId>,
-    /// The host.
+    /// The host that asks.
     pub host: HostId,
     /// What all are set to.
     pub line: Line,
@@ -105,7 +105,7 @@ impl Rig {
         Self::with(&paths, LINE)
     }
 
-    /// The same, whose nodes speak ASCII.
+    /// A rig whose nodes speak ASCII.
     pub fn ascii(self) -> Self {
         Rig {
             is_ascii: true,
@@ -223,7 +223,7 @@ impl Rig {
 /// The request that asks whether a node lives, and its answer.
 pub struct Alive;
 
-/// See [`Alive`].
+/// The value of [`Alive`], for all tests.
 pub const ALIVE: Alive = Alive;
 
 impl Alive {
@@ -232,7 +232,7 @@ impl Alive {
         words(1, 4, 2, 1)
     }
 
-    /// 0x1002.
+    /// The value 0x1002 as an answer.
     pub fn answer(&self) -> Vec<u8> {
         data(1, 4, &[0x10, 0x02])
     }

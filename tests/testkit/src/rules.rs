@@ -1,4 +1,4 @@
-//! What holds on the bus at all times, whatever is asked.
+//! The rules that hold on the bus at all times.
 
 use multidrop_bus::{Bus, Line, Station, Time, WireByte};
 

@@ -1,4 +1,4 @@
-//! What runs an STM32's firmware: each test of it is run by both.
+//! The two emulators of the STM32; each test of its firmware runs on both.
 
 use multidrop_bus::Emulator;
 

@@ -1,4 +1,4 @@
-//! What the tests of faults share: requests of every function, and reading back what a unit holds.
+//! Traffic of the tests of faults: requests of every function, and reading back the data of a unit.
 
 use multidrop_bus::Random;
 

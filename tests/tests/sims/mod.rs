@@ -1,4 +1,4 @@
-//! The program `sim` as a test runs it: in a folder of its own, with the images that are given, and with a look at what it
+//! The program `sim` in a test: in a folder of its own, with given images, and with a check of the files that it
 //! leaves.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
@@ -81,12 +81,12 @@ impl Sim {
         }
     }
 
-    /// The link.
+    /// The path of the link.
     pub fn link(&self) -> PathBuf {
         self.folder.path().join("bus")
     }
 
-    /// Its process.
+    /// The id of its process.
     pub fn id(&self) -> Pid {
         Pid::from_raw(self.child.id().cast_signed())
     }

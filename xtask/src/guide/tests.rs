@@ -89,7 +89,7 @@ fn a_link_that_leads_nowhere_is_a_fault() {
         "README.md",
         "docs/src/one.md",
         "../one.md",
-        "it leads out of the repository",
+        "the target is outside of the repository",
     );
     assert_fault(
         "CHANGELOG.md",
@@ -107,7 +107,7 @@ fn a_link_that_leads_nowhere_is_a_fault() {
         "docs/src/deep/two.md",
         "../one.md",
         "../../../README.md",
-        "it leads out of the guide",
+        "the target is outside of the guide",
     );
 }
 
@@ -117,7 +117,7 @@ fn a_readme_of_a_package_stands_without_the_repository_and_its_code_is_compiled(
         "firmware/README.md",
         "LICENSE",
         "../README.md",
-        "it leads out of the package",
+        "the target is outside of the package",
     );
     assert_fault(
         "protocol/src/lib.rs",
@@ -155,21 +155,21 @@ fn rust_code_that_nobody_compiles_is_a_fault() {
         one,
         include,
         "fn node() {}",
-        "is one {{#include PATH:ANCHOR}}",
+        "must be one {{#include PATH:ANCHOR}}",
     );
     assert_fault(
         one,
         include,
         &format!("{include}\nlet a = 1;"),
-        "is one {{#include PATH:ANCHOR}}",
+        "must be one {{#include PATH:ANCHOR}}",
     );
     assert_fault(one, ":node}}", ":knot}}", "has no lines `// ANCHOR: knot`");
-    assert_fault(one, "main.rs:node", "main.rs", "there is no anchor");
+    assert_fault(one, "main.rs:node", "main.rs", "the path has no anchor");
     assert_fault(
         one,
         "../../node/main.rs",
         "../../CHANGELOG.md",
-        "is no Rust file",
+        "is not a compiled Rust file",
     );
     assert_fault(
         one,
@@ -177,7 +177,12 @@ fn rust_code_that_nobody_compiles_is_a_fault() {
         "../../node/gone.rs",
         "No such file",
     );
-    assert_fault(one, "../../node/main.rs", "deep/main.rs", "is no Rust file");
+    assert_fault(
+        one,
+        "../../node/main.rs",
+        "deep/main.rs",
+        "is not a compiled Rust file",
+    );
     assert_fault(one, "node}}", "node}}{{#include a.rs:b}}", "has no lines");
     let no_end = Repository::faults("node/main.rs", "// ANCHOR_END: node\n", "");
     assert_eq!(no_end.len(), 2, "of README and of guide: {no_end:?}");
@@ -185,7 +190,7 @@ fn rust_code_that_nobody_compiles_is_a_fault() {
 
 #[test]
 fn code_in_comments_that_rustdoc_does_not_compile_is_a_fault() {
-    let said = "node/main.rs:1: code of the documentation is compiled";
+    let said = "node/main.rs:1: code in doc comments must be compiled";
     for fence in ["//! ```ignore", "/// ```rust, ignore", "    //! ```ignore"] {
         assert_fault("node/main.rs", "use a;", fence, said);
     }

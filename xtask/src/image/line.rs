@@ -1,15 +1,15 @@
-//! Which baud rates and formats a board can be built for.
+//! The baud rates and formats for which a board can be built.
 
 use super::{Board, Format, NANO_HZ, Options, STM32_USART_HZ, word};
 use crate::error::Error;
 use multidrop_protocol::baud::{atmega, stm32};
 
-/// The slowest rate that a clock makes and a timer counts on some board, and the fastest at which the Nano's receive interrupt
-/// follows. Whether the Nano's timer counts a rate below 600 the build says.
+/// The slowest rate that some board's clock makes and its timer counts, and the fastest rate of the Nano's receive
+/// interrupt. The build checks whether the Nano's timer counts a rate below 600.
 const BAUD_MIN: u32 = 300;
 const NANO_BAUD_MAX: u32 = 1_000_000;
 
-/// What the applications are built for if nothing else is asked for.
+/// The baud rate of the applications by default.
 pub const DEFAULT_BAUD: u32 = 38_400;
 
 pub(super) fn check_baud(board: Board, options: &Options) -> Result<(), Error> {
@@ -39,7 +39,7 @@ pub(super) fn check_baud(board: Board, options: &Options) -> Result<(), Error> {
         let slowest = atmega::slowest(clock_hz, bits, options.ascii);
         if baud < slowest {
             return Err(Error::usage(format!(
-                "--baud {baud}: Timer1 counts no character that long at {clock_hz} Hz; the slowest rate is {slowest}"
+                "--baud {baud}: a character is too long for Timer1 at {clock_hz} Hz; the slowest rate is {slowest}"
             )));
         }
     }

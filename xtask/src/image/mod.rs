@@ -1,4 +1,4 @@
-//! Firmware images: which there are, what can be compiled into them, and what the file is called.
+//! Firmware images: their boards, applications, options and file names.
 
 mod line;
 
@@ -27,7 +27,7 @@ impl Board {
         }
     }
 
-    /// Where cargo puts what it builds for it, from the root of the repository.
+    /// The folder of cargo's build results for the board, from the root of the repository.
     pub const fn target_dir(self) -> &'static str {
         match self {
             Self::Nano => "target/avr",
@@ -35,7 +35,7 @@ impl Board {
         }
     }
 
-    /// Applications that it can be built with.
+    /// The applications of the board.
     pub const fn apps(self) -> &'static [App] {
         match self {
             Self::Nano => &[
@@ -58,10 +58,10 @@ impl Board {
     }
 }
 
-/// CPU clock of the Nano in Hz, if not built otherwise: baud rates are divided from it.
+/// The CPU clock of the Nano in Hz by default, from which baud rates are divided.
 const NANO_HZ: u32 = 16_000_000;
 
-/// What the STM32's slower USARTs divide their rates from, in Hz.
+/// The clock of the STM32's slower USARTs in Hz, from which baud rates are divided.
 const STM32_USART_HZ: u32 = 42_000_000;
 
 /// An application that a board can be built with.
@@ -80,7 +80,7 @@ pub enum App {
     RelayPanel,
     /// The unit with the relays
     RelayBoard,
-    /// A client that asks every function once, for tests
+    /// A client that calls every function once, for tests
     #[value(hide = true)]
     ClientFunctions,
     /// Four ports at once: master, two slaves, sniffer
@@ -91,13 +91,13 @@ pub enum App {
 }
 
 impl App {
-    /// Whether it can be built for ASCII.
+    /// Whether the application can be built for ASCII.
     const fn has_ascii(self) -> bool {
         matches!(self, Self::Conformance | Self::ClientFunctions)
     }
 }
 
-/// The words of those in `all` that users are told of.
+/// The words of those in `all` that are not hidden.
 pub fn words<T: ValueEnum>(all: impl IntoIterator<Item = T>) -> String {
     let words: Vec<_> = all
         .into_iter()
@@ -108,7 +108,7 @@ pub fn words<T: ValueEnum>(all: impl IntoIterator<Item = T>) -> String {
     words.join(", ")
 }
 
-/// Bits of a character. Those of 7 data bits are for ASCII alone.
+/// The format of a character. Formats of 7 data bits are for ASCII only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 #[value(rename_all = "UPPER")]
 #[allow(
@@ -132,14 +132,14 @@ pub enum Format {
     Bits7None2,
 }
 
-/// How an image comes into a Nano, and what has started when it does.
+/// The boot loader of a Nano.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Bootloader {
-    /// Without one, through a programmer
+    /// No boot loader: a programmer writes the image
     None,
     /// Optiboot, 512 bytes, 115200 baud
     New,
-    /// ATmegaBOOT, 2 KB, 57600 baud: most boards; it cannot bear a watchdog, which is left out
+    /// ATmegaBOOT, 2 KB, 57600 baud: most boards. It does not work with a watchdog, which is left out
     Old,
 }
 
@@ -152,16 +152,16 @@ pub fn word(value: impl ValueEnum) -> String {
         .to_owned()
 }
 
-/// What is compiled into an image in place of the application's own settings.
+/// The options that replace the application's own settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Options {
     /// Unit id, 1..=247.
     pub unit: Option<u8>,
     /// Items in each table, 1..=128.
     pub count: Option<u8>,
-    /// Baud rate.
+    /// The baud rate.
     pub baud: Option<u32>,
-    /// Character format.
+    /// The character format.
     pub format: Option<Format>,
     /// CPU clock in Hz, for boards with another crystal.
     pub clock: Option<u32>,
@@ -175,7 +175,7 @@ pub struct Options {
     pub qemu: bool,
 }
 
-/// One image that can be built: checked, so that the build cannot be asked for nonsense.
+/// An image with valid options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Image {
     board: Board,
@@ -200,45 +200,45 @@ impl Image {
         }
         if options.qemu && board != Board::Stm32 {
             return Err(Error::usage(
-                "--qemu: only stm32 is simulated in QEMU; the Nano's image is the one that is flashed",
+                "--qemu: only for stm32; the Nano is simulated with the image that is flashed",
             ));
         }
         if options.clock.is_some() && board != Board::Nano {
             return Err(Error::usage(
-                "--clock: only the Nano is sold with several crystals; only nano takes a clock",
+                "--clock: only for nano, which is sold with several crystals",
             ));
         }
         if options.unit.is_some() && app != App::DemoUnit {
             return Err(Error::usage(format!(
-                "--unit: {} has a fixed unit id or none; only demo-unit takes a unit id",
+                "--unit: only for demo-unit; {} has a fixed unit id or none",
                 word(app)
             )));
         }
         if options.count.is_some() && app != App::Registers {
             return Err(Error::usage(format!(
-                "--count: {} has tables of its own; only registers takes a count",
+                "--count: only for registers; {} has tables of its own",
                 word(app)
             )));
         }
         if options.bootloader.is_some() && board != Board::Nano {
             return Err(Error::usage(
-                "--bootloader: an STM32 is flashed without one; only nano has a boot loader",
+                "--bootloader: only for nano; an STM32 has none",
             ));
         }
         if options.guarded && app != App::Registers {
             return Err(Error::usage(format!(
-                "--guarded: {} has its guards; only registers is built without",
+                "--guarded: only for registers; {} has its guards always",
                 word(app)
             )));
         }
         if app == App::Ports && (options.baud.is_some() || options.format.is_some()) {
             return Err(Error::usage(
-                "--baud, --format: ports has four lines, which are set at run time; see its source",
+                "--baud, --format: not for ports, whose four lines are set at run time; see its source",
             ));
         }
         if options.ascii && !app.has_ascii() {
             return Err(Error::usage(format!(
-                "--ascii: {} speaks RTU; {} takes --ascii",
+                "--ascii: {} is built for RTU only; use {}",
                 word(app),
                 words(apps.iter().copied().filter(|app| app.has_ascii()))
             )));
@@ -258,17 +258,17 @@ impl Image {
         })
     }
 
-    /// What it runs on.
+    /// The board of the image.
     pub fn board(&self) -> Board {
         self.board
     }
 
-    /// Whether it runs in QEMU and nowhere else.
+    /// Whether the image is for QEMU only.
     pub fn is_for_qemu(&self) -> bool {
         self.options.qemu
     }
 
-    /// Features of the board's crate that it is built with, and whether the default ones are too.
+    /// The features of the board's crate, and whether the default features are enabled.
     pub fn features(&self) -> (bool, Vec<&'static str>) {
         let mut features = Vec::new();
         if self.is_for_qemu() {
@@ -280,12 +280,12 @@ impl Image {
         (!self.is_for_qemu(), features)
     }
 
-    /// The boot loader that it is for, if that was said.
+    /// The boot loader option, if it was given.
     pub fn bootloader(&self) -> Option<Bootloader> {
         self.options.bootloader
     }
 
-    /// The same image for a Nano with this boot loader.
+    /// The image for a Nano with this boot loader.
     pub fn with_bootloader(self, bootloader: Bootloader) -> Self {
         let options = Options {
             bootloader: Some(bootloader),
@@ -294,13 +294,13 @@ impl Image {
         Self { options, ..self }
     }
 
-    /// Whether a watchdog would be in it but for the boot loader.
+    /// Whether the watchdog is left out because of the boot loader.
     pub fn lacks_watchdog(&self) -> bool {
         let is_bare = self.features().1.contains(&"bare");
         self.options.bootloader == Some(Bootloader::Old) && !is_bare
     }
 
-    /// The CPU clock of a Nano that it is for, in Hz.
+    /// The CPU clock of the Nano in Hz.
     pub fn nano_hz(&self) -> u32 {
         self.options.clock.unwrap_or(NANO_HZ)
     }
@@ -310,8 +310,8 @@ impl Image {
         word(self.app)
     }
 
-    /// File name without extension: board, application, then the options that were given, in the
-    /// order unit, count, baud, format, clock, ascii, guarded, bootloader, qemu.
+    /// The file name without extension: board, application, then the options that were given, in the order unit,
+    /// count, baud, format, clock, ascii, guarded, bootloader, qemu.
     pub fn stem(&self) -> String {
         let mut stem = format!("{}-{}", word(self.board), word(self.app));
         for (name, value) in self.given() {
@@ -323,13 +323,13 @@ impl Image {
         stem
     }
 
-    /// Where the ELF file stands, from the root of the repository.
+    /// The path of the ELF file, from the root of the repository.
     pub fn elf(&self) -> PathBuf {
         PathBuf::from(format!("target/firmware/{}.elf", self.stem()))
     }
 
-    /// The environment that hands the options to the firmware's build: every variable there is,
-    /// with nothing for an option that was not given.
+    /// The environment that passes the options to the firmware's build: all variables, with `None` for an option that
+    /// was not given.
     pub fn environment(&self) -> Vec<(String, Option<String>)> {
         let given = self.given();
         [

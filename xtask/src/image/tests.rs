@@ -167,7 +167,7 @@ fn formats_of_seven_bits_are_for_ascii() {
     let text = refusal(nano(App::Registers, ascii));
     assert_eq!(
         text,
-        "--ascii: registers speaks RTU; conformance takes --ascii"
+        "--ascii: registers is built for RTU only; use conformance"
     );
     let rtu = Options {
         ascii: false,
@@ -177,7 +177,7 @@ fn formats_of_seven_bits_are_for_ascii() {
 }
 
 #[test]
-fn what_is_not_there_yet_is_said_to_be_so() {
+fn an_application_that_is_not_in_this_version_is_refused() {
     let panel = refusal(Image::new(
         Board::Stm32,
         App::RelayPanel,

@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// How long a test may take with a fault in it, the build aside as far as it is there.
+/// The time limit of a test with a fault in it, apart from building.
 const PATIENCE: Duration = Duration::from_secs(600);
 
-/// What set-up put below `target/`: the copies share it.
+/// The folders that set-up has made below `target/`: the copies share them.
 const SHARED: [&str; 2] = ["python", "qemu"];
 
 /// One copy of the repository.
@@ -21,21 +21,21 @@ pub struct Copy {
     folder: PathBuf,
 }
 
-/// How a test ended.
+/// The result of a test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It was built, run, and passed.
+    /// The test was built, run, and passed.
     Passed,
-    /// It was built, run, and failed.
+    /// The test was built, run, and failed.
     Failed,
-    /// It did not end.
+    /// The test did not end.
     Hung,
-    /// It was not built, or no test has that name.
+    /// The test was not built, or no test has that name.
     NotRun,
 }
 
 impl Copy {
-    /// The copy with this number, as the work tree is now. What was built in it before stays.
+    /// The copy with this number, of the work tree as it is now. Earlier build results are kept.
     ///
     /// # Errors
     /// [`Error::failed`] where a file cannot be read or written.
@@ -57,7 +57,8 @@ impl Copy {
         Ok(copy)
     }
 
-    /// Makes every file what it is in the work tree. One that is so already keeps its date, and is not built again.
+    /// Makes every file equal to that of the work tree. A file that is equal already keeps its date, so it is not
+    /// built again.
     fn refresh(&self) -> Result<(), Error> {
         let files = listed(repo::root())?;
         for file in &files {
@@ -112,7 +113,8 @@ impl Copy {
             .stderr(Stdio::null());
         if !test.is_on_host() {
             cargo.arg("--release");
-            // A fault in the simulated bus is built in 2 s instead of 14. As an argument, so that images are what they always are.
+            // This builds a fault in the simulated bus in 2 s instead of 14. It is an argument, so that the images do
+            // not change.
             cargo.args(["--config", "profile.release.incremental=true"]);
         }
         match &test.target {
@@ -128,21 +130,21 @@ impl Copy {
     }
 }
 
-/// What cargo's exit and its output say.
+/// The verdict from cargo's exit status and output.
 fn verdict(succeeded: bool, printed: &str) -> Verdict {
     if printed.contains("test result: FAILED") {
         Verdict::Failed
     } else if succeeded && !printed.contains("test result: ok. 0 passed") {
         Verdict::Passed
     } else if !succeeded && printed.contains("\nrunning ") && !printed.contains("test result: ok") {
-        // The whole process went down, such as by an abort.
+        // The whole process has ended, for example by an abort.
         Verdict::Failed
     } else {
         Verdict::NotRun
     }
 }
 
-/// Every file that git knows or would take, from `root`.
+/// Every file that git tracks or would add, from `root`.
 fn listed(root: &Path) -> Result<BTreeSet<PathBuf>, Error> {
     let output = Command::new("git")
         .current_dir(root)
@@ -173,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_test_that_ran_has_a_say() {
+    fn only_a_test_that_ran_counts() {
         for (succeeded, printed, expected) in [
             (
                 true,

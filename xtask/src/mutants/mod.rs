@@ -1,7 +1,7 @@
-//! `mutants`: faults planted in the code, one at a time, and whether a test sees each.
+//! `mutants`: plants faults in the code, one at a time, and checks whether a test detects each.
 //!
-//! Two ways. cargo-mutants changes `protocol` and `firmware` by itself, a sample or what a revision changed; the [kept
-//! list](planted) has faults that somebody thought of, in drivers, bus and oracles too.
+//! There are two ways. cargo-mutants changes `protocol` and `firmware` automatically: a sample, or what a revision
+//! has changed. The [kept list](planted) has faults written by hand, in drivers, bus and oracles too.
 
 mod copies;
 pub mod planted;
@@ -19,60 +19,61 @@ use std::fs;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How many faults are tried at a time: each builds with two cores.
+/// The number of faults that are tried at a time: each builds with two cores.
 const AT_A_TIME: usize = 2;
 
-/// Where the score is kept.
+/// The file of the scores.
 const KEPT: &str = "figures/mutants.json";
 
-/// What to plant.
+/// The faults to plant.
 #[derive(Args)]
 pub struct MutantsRequest {
     /// Only the kept list
     #[arg(long, conflicts_with_all = ["sample", "since"])]
     kept: bool,
-    /// Of the kept list, only faults whose name has this in it; nothing else is planted
+    /// Only faults of the kept list whose name contains this text
     #[arg(long, value_name = "TEXT", conflicts_with_all = ["sample", "since", "record"])]
     only: Option<String>,
-    /// How many mutants of protocol and firmware [default: 100]
+    /// Number of mutants of protocol and firmware [default: 100]
     #[arg(long, value_name = "N", conflicts_with = "since", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     sample: Option<u32>,
-    /// Which sample
+    /// The seed of the sample
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Mutants of what has changed since this revision, in place of a sample
+    /// Only mutants of what has changed since this revision
     #[arg(long, value_name = "REV")]
     since: Option<String>,
-    /// Keep the score in figures/mutants.json
+    /// Record the score in figures/mutants.json
     #[arg(long)]
     record: bool,
 }
 
-/// How many were caught, of how many.
+/// A number of faults that were caught, of all that were tried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Score {
-    /// A test failed.
+    /// The number of faults for which a test failed.
     pub caught: usize,
-    /// All that were tried.
+    /// The number of faults that were tried.
     pub tried: usize,
 }
 
-/// What is kept of the last runs.
+/// The recorded scores of the last runs.
 #[derive(Debug, Default, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 struct Scores {
-    /// Of cargo-mutants.
+    /// The score of cargo-mutants.
     sample: Score,
-    /// Its seed.
+    /// The seed of the sample.
     seed: u64,
-    /// Of the kept list.
+    /// The score of the kept list.
     kept: Score,
 }
 
-/// Plants, and shows what no test saw.
+/// Plants the faults, and shows those that no test detected.
 ///
 /// # Errors
-/// [`Error::failed`] where a fault of the kept list was not seen or does not apply; [`Error::usage`] where cargo-mutants is missing.
+/// [`Error::failed`] if a fault of the kept list was not detected or does not apply; [`Error::usage`] if
+/// cargo-mutants is missing.
 pub fn run(request: &MutantsRequest) -> Result<(), Error> {
     let faults = planted::load(repo::root())?;
     let only = request.only.as_deref();
@@ -118,7 +119,7 @@ pub fn run(request: &MutantsRequest) -> Result<(), Error> {
     }
 }
 
-/// What is kept of the last runs, in a line for `test`.
+/// The recorded scores in one line, for `test`.
 pub fn summary() -> String {
     let Scores { sample, kept, .. } = recorded();
     format!(
@@ -140,17 +141,17 @@ fn recorded() -> Scores {
         .unwrap_or_default()
 }
 
-/// Plants those whose tests the host alone runs. `Ok` if each is caught; else the names.
+/// Plants the faults whose tests run on the host alone; returns their number if all are caught.
 ///
 /// # Errors
-/// The names of those that were not caught, or what else was wrong.
+/// The names of the faults that were not caught, or another error.
 pub fn plant_on_host() -> Result<usize, Error> {
     let faults = planted::load(repo::root())?;
     let on_host: Vec<_> = faults
         .into_iter()
         .filter(|fault| fault.test.is_on_host())
         .collect();
-    // `test` has just run the tests without a fault.
+    // `test` has just run these tests without a fault.
     let (score, unseen) = plant(&copies()?, &on_host)?;
     match unseen.is_empty() {
         true => Ok(score.tried),
@@ -162,7 +163,7 @@ fn copies() -> Result<Vec<Copy>, Error> {
     (0..AT_A_TIME).map(Copy::new).collect()
 }
 
-/// Runs the tests of these faults without any: one that fails anyway sees nothing.
+/// Runs the tests of these faults without a fault: a test that fails anyway detects nothing.
 fn run_without(copies: &[Copy], faults: &[Fault]) -> Result<(), Error> {
     let tests: BTreeSet<_> = faults.iter().map(|fault| fault.test.clone()).collect();
     let tests: Vec<_> = tests.into_iter().collect();
@@ -176,7 +177,7 @@ fn run_without(copies: &[Copy], faults: &[Fault]) -> Result<(), Error> {
     }
 }
 
-/// Plants each, and gives the names of those that no test saw.
+/// Plants each fault; returns the names of those that no test detected.
 fn plant(copies: &[Copy], faults: &[Fault]) -> Result<(Score, Vec<String>), Error> {
     let unseen = side_by_side(copies, faults, |copy, fault| {
         let verdict = copy.try_fault(fault)?;
@@ -191,7 +192,7 @@ fn plant(copies: &[Copy], faults: &[Fault]) -> Result<(Score, Vec<String>), Erro
     Ok((score, unseen))
 }
 
-/// Does each of `work` in one of the copies; what it gives is collected.
+/// Does each item of `work` in one of the copies, and collects the results.
 fn side_by_side<T: Sync>(
     copies: &[Copy],
     work: &[T],

@@ -1,4 +1,4 @@
-//! The kept list of planted faults: each a change of one file, and the test that must fail by it.
+//! The kept list of planted faults: each is a change of one file, with the test that must fail.
 
 use crate::error::Error;
 use serde::Deserialize;
@@ -6,20 +6,20 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Where the lists are, from the root of the repository.
+/// The folder of the lists, from the root of the repository.
 pub const FOLDER: &str = "tests/planted";
 
 /// One planted fault.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
-    /// What is wrong then, in a few words; no two have the same.
+    /// The fault in a few words, unique in the list.
     pub name: String,
     /// The file that is changed, from the root of the repository.
     pub file: PathBuf,
-    /// What stands there: exactly once, so that it survives a move to other lines.
+    /// The old text, which must occur exactly once, so that the fault survives a move to other lines.
     pub old: String,
-    /// What stands there instead.
+    /// The text that replaces it.
     pub new: String,
     /// The test that must fail.
     pub test: Test,
@@ -29,15 +29,15 @@ pub struct Fault {
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
 #[serde(deny_unknown_fields)]
 pub struct Test {
-    /// The package.
+    /// The package of the test.
     pub package: String,
     /// The file below `tests/`, without `.rs`; without it the unit tests of the library.
     pub target: Option<String>,
-    /// The test's name, or the part that names several.
+    /// The name of the test, or a part of several names.
     pub name: String,
 }
 
-/// What one file of the list holds.
+/// The content of one file of the list.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct List {
@@ -45,7 +45,7 @@ struct List {
 }
 
 impl Test {
-    /// Whether the host alone runs it: no firmware image, no simulator.
+    /// Whether the test runs on the host alone: no firmware image, no simulator.
     pub fn is_on_host(&self) -> bool {
         !crate::repo::SIMULATED.contains(&self.package.as_str())
     }
@@ -54,8 +54,8 @@ impl Test {
 /// All faults of the list below `root`, in the order of file names.
 ///
 /// # Errors
-/// [`Error::failed`] for a file that cannot be read or understood, two faults of one name, and a fault that no longer applies: it
-/// names the fault, and what would be right.
+/// [`Error::failed`] for a file that cannot be read or parsed, two faults with one name, and a fault that no longer
+/// applies; the message names the fault and the rule.
 pub fn load(root: &Path) -> Result<Vec<Fault>, Error> {
     let folder = root.join(FOLDER);
     let entries = fs::read_dir(&folder).map_err(|error| Error::io(folder.display(), error))?;
@@ -96,7 +96,7 @@ fn parse(text: &str) -> Result<Vec<Fault>, toml::de::Error> {
 /// `text` with the fault in it.
 ///
 /// # Errors
-/// [`Error::failed`] where the old text is not there exactly once, or is the new one.
+/// [`Error::failed`] unless the old text occurs exactly once and differs from the new text.
 pub fn planted(fault: &Fault, text: &str) -> Result<String, Error> {
     let wrong = |what: String| {
         Err(Error::failed(format!(
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_word_in_the_list_is_told() {
+    fn a_wrong_word_in_the_list_is_reported() {
         let text = LIST.replace("old =", "odl =");
         let error = parse(&text).expect_err("no such field").to_string();
         assert!(error.contains("odl"), "{error}");

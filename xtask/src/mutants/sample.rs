@@ -1,4 +1,4 @@
-//! Mutants that cargo-mutants makes of `protocol`, `firmware` and `apps`: a sample, or those of what was changed.
+//! Mutants that cargo-mutants makes of `protocol`, `firmware` and `apps`: a sample, or those of changed lines.
 
 use super::Score;
 use crate::error::Error;
@@ -12,24 +12,24 @@ use std::process::{Command, Stdio};
 /// The crates that are mutated, each tested by its own tests on the host.
 const PACKAGES: [&str; 3] = ["multidrop-protocol", "multidrop", "multidrop-apps"];
 
-/// The release of cargo-mutants that was tried.
+/// The release of cargo-mutants that is used.
 const VERSION: &str = "27.1.0";
 
-/// How long the tests of a mutant may take.
+/// The time limit for the tests of a mutant.
 const SECONDS: u32 = 60;
 
-/// What stands in mutants that never compile in crates without a heap.
+/// Texts of mutants that never compile in crates without a heap.
 const HEAP: [&str; 3] = ["Vec::", "Box::", "String::"];
 
-/// Mutants that no test can see, each with the reason; from the root of the repository.
+/// The list of mutants that no test can detect, each with the reason, from the root of the repository.
 pub const EQUIVALENT: &str = "tests/equivalent_mutants.toml";
 
-/// Which mutants.
+/// The mutants to run.
 #[derive(Clone, Copy)]
 pub enum Which<'a> {
-    /// So many, by this seed.
+    /// A sample of this size, by this seed.
     Sample(u32, u64),
-    /// Those in lines that have changed since this revision.
+    /// The mutants of lines that have changed since this revision.
     Since(&'a str),
 }
 
@@ -44,20 +44,20 @@ struct List {
     equivalent: Vec<Equivalent>,
 }
 
-/// A mutant that does what the code does.
+/// A mutant with the behaviour of the original code.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Equivalent {
-    /// As cargo-mutants names it, without line and column.
+    /// The name in cargo-mutants, without line and column.
     mutant: String,
-    /// Why no test can see it.
+    /// The reason why no test can detect it.
     why: String,
 }
 
-/// Runs them and shows what no test saw.
+/// Runs the mutants and shows those that no test detected.
 ///
 /// # Errors
-/// [`Error::usage`] where cargo-mutants is missing or the revision is not known, [`Error::failed`] where it cannot do its work.
+/// [`Error::usage`] if cargo-mutants is missing or the revision is unknown, [`Error::failed`] if cargo-mutants fails.
 pub fn run(which: Which<'_>) -> Result<Score, Error> {
     setup::prepare(&[Purpose::Mutants])?;
     let made = repo::root().join("target/mutants");
@@ -85,8 +85,8 @@ pub fn run(which: Which<'_>) -> Result<Score, Error> {
         println!("cargo-mutants makes no mutant of that");
         return Ok(Score::default());
     }
-    // A test that fails anyway sees nothing. Here and not by cargo-mutants, whose own run has the limit of a mutant: it
-    // ends where the machine is busy.
+    // A test that fails anyway detects nothing. cargo-mutants would run this baseline with the time limit of a
+    // mutant, which is too short on a busy machine.
     let mut baseline = repo::cargo_in_root(&["test"]);
     for package in PACKAGES {
         baseline.args(["--package", package]);
@@ -107,7 +107,7 @@ pub fn run(which: Which<'_>) -> Result<Score, Error> {
     for name in &names {
         run.arg(format!("--re=^{}$", literally(name)));
     }
-    // 2: some were missed, 3: some hung; both are told below.
+    // 2: some were missed, 3: some hung; both are reported below.
     let status = run
         .status()
         .map_err(|error| Error::io("cargo mutants", error))?;
@@ -136,7 +136,7 @@ pub fn run(which: Which<'_>) -> Result<Score, Error> {
     Ok(score)
 }
 
-/// The names of mutants that are no faults.
+/// The names of mutants that are not faults.
 fn equivalent() -> Result<Vec<String>, Error> {
     let path = repo::root().join(EQUIVALENT);
     let text = fs::read_to_string(&path).map_err(|error| Error::io(path.display(), error))?;
@@ -166,7 +166,7 @@ fn without_place(name: &str) -> String {
     }
 }
 
-/// Keeps `count` of them, by the seed (splitmix64, then the smallest).
+/// Keeps `count` names, selected by the seed (splitmix64, then the smallest).
 fn choose(names: &mut Vec<String>, count: usize, seed: u64) {
     let mut state = seed;
     let mut chance = || {
@@ -181,7 +181,7 @@ fn choose(names: &mut Vec<String>, count: usize, seed: u64) {
     names.sort();
 }
 
-/// `text` as a regular expression that only it matches.
+/// A regular expression that matches only `text`.
 fn literally(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
@@ -194,7 +194,7 @@ fn literally(text: &str) -> String {
     out
 }
 
-/// What has changed in the mutated crates since `revision`, as a file.
+/// The changes of the mutated crates since `revision`, as a file.
 fn diff(revision: &str, made: &Path) -> Result<PathBuf, Error> {
     let output = Command::new("git")
         .current_dir(repo::root())
@@ -223,7 +223,7 @@ fn mutants(arguments: &[&str]) -> Result<Command, Error> {
     Ok(command)
 }
 
-/// Where cargo-mutants is: in PATH, or in a folder of our own.
+/// The path of cargo-mutants: in PATH, or in a folder of this repository.
 pub fn program() -> Option<PathBuf> {
     repo::in_path("cargo-mutants").or_else(|| {
         let own = own_tools().join("bin/cargo-mutants");
@@ -235,7 +235,7 @@ fn own_tools() -> PathBuf {
     repo::root().join("target/tools")
 }
 
-/// Installs cargo-mutants in a folder of our own, where it changes nothing for anybody else.
+/// Installs cargo-mutants in a folder of this repository, so that nothing else on the machine changes.
 ///
 /// # Errors
 /// What cargo says.
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_stands_without_its_place() {
+    fn a_mutant_is_named_without_line_and_column() {
         let name = "protocol/src/crc.rs:12:5: replace f -> u8 with 0";
         assert_eq!(
             without_place(name),

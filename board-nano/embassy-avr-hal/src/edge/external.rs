@@ -1,4 +1,4 @@
-//! INT0 and INT1: one flag for each pin, set by the edges that EICRA says (DS 13.2.1).
+//! INT0 and INT1: one flag for each pin, which the edges selected in EICRA set (DS 13.2.1).
 
 use core::task::Waker;
 
@@ -43,7 +43,7 @@ fn disarm(n: u8) {
 macro_rules! external {
     ($($(#[$doc:meta])* $name:ident: $n:literal, $in_use:ident, $waiting:ident;)*) => {
         $(
-            /// Not 0 once a task has waited: where none can, the compiler leaves out what asks for it.
+            /// Not 0 after a task has waited: if no task can, the compiler removes the code that reads it.
             static $in_use: Shared = Shared::new();
             static $waiting: Waiting<1> = Waiting::new();
 
@@ -72,7 +72,7 @@ macro_rules! external {
             }
 
             impl $name {
-                /// For [`bind_interrupts!`](crate::bind_interrupts).
+                /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
                 ///
                 /// # Safety
                 /// From the interrupt of this name only.

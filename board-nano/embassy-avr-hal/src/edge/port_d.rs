@@ -1,11 +1,11 @@
-//! PCINT2: one flag for all of port D, RXD among them (DS 13.2.4, 13.2.5). Which pin has changed shows by its level.
+//! PCINT2: one flag for all pins of port D, including RXD (DS 13.2.4, 13.2.5). The levels show which pin has changed.
 //!
-//! While a wait is pending the interrupt is on and clears the flag that is the line's start-bit detector. What it has seen of
-//! RXD is then in [`START`]. One edge of RXD is enough until the line has looked: PCINT16 is masked from there to the next
-//! character, so that the other edges of this one cost nothing. With the line's attention set, characters take the
-//! slower way, on which the mask is lifted again.
+//! While a task waits, the interrupt is on and clears the flag that is the line's start-bit detector. The state of
+//! RXD is then in [`START`]. One edge of RXD is enough until the line has read it: PCINT16 is masked from there to
+//! the next character, so that the other edges of this one cost nothing. With the line's attention set, characters
+//! take the slower path, which lifts the mask again.
 //!
-//! In an image in which no task waits for these pins all of this costs nothing: see [`IN_USE`].
+//! In an image in which no task waits for these pins, all of this costs nothing: see [`IN_USE`].
 
 use core::task::Waker;
 
@@ -23,20 +23,20 @@ const PORT_D: u8 = 1 << 2;
 /// PCINT16, which is RXD, of PCMSK2 (DS 13.2.6).
 const PCINT16: u8 = 1 << 0;
 
-/// The first of the pins, and how many there are.
+/// The first of the pins, and their number.
 const FIRST: u32 = 4;
 const PINS: usize = 4;
 
-/// Not 0 once a task has waited. Nothing else sets it: where no task can, the compiler knows that it is 0, and leaves out what
-/// asks for it.
+/// Not 0 after a task has waited. Nothing else sets it: if no task can wait, the compiler knows that it is 0, and
+/// removes the code that reads it.
 static IN_USE: Shared = Shared::new();
-/// Pins that are waited for, and of these the ones that wait for each kind of edge.
+/// The pins for which a task waits, and of these the pins for each kind of edge.
 static ARMED: Shared = Shared::new();
 static RISING: Shared = Shared::new();
 static FALLING: Shared = Shared::new();
-/// Their levels as they were last seen.
+/// The levels of the pins as they were last read.
 static LEVELS: Shared = Shared::new();
-/// Not 0 if RXD has changed since the line has last looked for a start bit.
+/// Not 0 if RXD has changed since the line last checked for a start bit.
 static START: Shared = Shared::new();
 
 static WAITING: Waiting<PINS> = Waiting::new();
@@ -53,20 +53,20 @@ fn levels() -> u8 {
     unsafe { PIND.read_volatile() }
 }
 
-/// Whether the flag is set (DS 13.2.5).
+/// Whether the pin-change flag is set (DS 13.2.5).
 #[inline(always)]
 fn flag() -> bool {
     exint().pcifr().read().bits() & PORT_D != 0
 }
 
-/// Clears it by writing a one.
+/// Clears the pin-change flag by writing a one.
 #[inline(always)]
 fn clear_flag() {
     // SAFETY: writing a one clears this flag and no other.
     exint().pcifr().write(|w| unsafe { w.bits(PORT_D) });
 }
 
-/// Switches the interrupt. PCICR is shared with ports B and C.
+/// Switches the interrupt on or off. PCICR is shared with ports B and C.
 fn enable(on: bool) {
     // SAFETY: the handler is bound where it is switched on.
     exint().pcicr().modify(|r, w| unsafe {
@@ -78,7 +78,7 @@ fn enable(on: bool) {
     });
 }
 
-/// Changes PCMSK2.
+/// Changes bits of PCMSK2.
 #[inline(always)]
 fn mask(set: u8, clear: u8) {
     // SAFETY: any pins may be in the mask.
@@ -93,8 +93,9 @@ pub(crate) fn has_waits() -> bool {
     IN_USE.get() != 0 && ARMED.get() != 0
 }
 
-/// Looks at the pins that are waited for, and has those woken who wait for what they did. Whether any has changed.
-fn look(now: u8) -> bool {
+/// Compares the pins with their last levels, and wakes the tasks whose edge has come. Returns whether any pin has
+/// changed.
+fn wake_changed(now: u8) -> bool {
     let armed = ARMED.get();
     let changed = (now ^ LEVELS.get()) & armed;
     if changed == 0 {
@@ -109,25 +110,26 @@ fn look(now: u8) -> bool {
     true
 }
 
-/// Waits no longer for the pins of `pins`.
+/// Ends the wait for these pins.
 fn stop(pins: u8) {
     let armed = ARMED.get() & !pins;
     ARMED.set(armed);
     mask(0, pins);
     if armed == 0 {
-        // The flag is the detector again, of RXD alone.
+        // The flag is again the detector of RXD alone.
         mask(PCINT16, 0);
         enable(false);
     }
 }
 
-/// The flag was set: clears it and says whose it was.
+/// The flag was set: clears it and finds its pins.
 fn serve() {
     let is_rxd_masked = exint().pcmsk2().read().bits() & PCINT16 == 0;
     clear_flag();
     let now = levels();
-    // A start bit is longer than an interrupt has to wait up to 57600 baud: if a pin has changed as well, RXD is low still.
-    let is_other = look(now);
+    // Up to 57600 baud a start bit is longer than the delay of an interrupt: if another pin has changed as well, RXD
+    // is still low.
+    let is_other = wake_changed(now);
     if !is_rxd_masked && (!is_other || now & RXD == 0) {
         START.set(1);
         if has_waits() {
@@ -137,9 +139,9 @@ fn serve() {
     }
 }
 
-/// Whether RXD has changed since [`clear_start_bit`]. Once a character is complete the next change can only be a start bit (or
-/// noise), so this tells that a character is on its way a whole character before RXC does. The flag is set whether or
-/// not the interrupt is enabled (DS 13.2.5).
+/// Whether RXD has changed since [`clear_start_bit`]. After a complete character the next change can only be a start
+/// bit (or noise), so this tells that a character has begun, a whole character before RXC does. The flag is set
+/// whether or not the interrupt is enabled (DS 13.2.5).
 #[inline(always)]
 pub(crate) fn start_bit_seen() -> bool {
     if has_waits() {
@@ -152,13 +154,13 @@ pub(crate) fn start_bit_seen() -> bool {
     has_seen_start()
 }
 
-/// What [`START`] says.
+/// Whether [`START`] is set.
 #[inline(always)]
 fn has_seen_start() -> bool {
     IN_USE.get() != 0 && START.get() != 0
 }
 
-/// Forgets start bits. A pin that has changed is seen all the same.
+/// Clears the detector of start bits. A pin that has changed is still detected.
 #[inline(always)]
 pub(crate) fn clear_start_bit() {
     if IN_USE.get() != 0 {
@@ -167,13 +169,13 @@ pub(crate) fn clear_start_bit() {
     if has_waits() {
         mask(PCINT16, 0);
         clear_flag();
-        look(levels());
+        wake_changed(levels());
     } else {
         clear_flag();
     }
 }
 
-/// A character came, whose interrupt has cleared the flag.
+/// A character was received; its interrupt has cleared the flag.
 #[inline(always)]
 pub(crate) fn on_character() {
     if has_waits() || has_seen_start() {
@@ -181,7 +183,7 @@ pub(crate) fn on_character() {
     }
 }
 
-/// PCINT2, on PD4 to PD7.
+/// PCINT2, the source for PD4 to PD7.
 pub enum PortD {}
 
 impl sealed::Sealed for PortD {}
@@ -190,8 +192,8 @@ impl Source for PortD {
     fn arm(pins: u8, edge: Edge) {
         IN_USE.set(1);
         if has_waits() {
-            // What the others did up to now is theirs.
-            look(levels());
+            // Changes of the other pins up to now are handled first.
+            wake_changed(levels());
         }
         let kinds = [
             (&RISING, edge != Edge::Falling),
@@ -205,7 +207,7 @@ impl Source for PortD {
         ARMED.set(ARMED.get() | pins);
         mask(pins, 0);
         set_attention(true);
-        // What the flag has seen of RXD up to now it serves.
+        // A change of RXD up to now is handled by this.
         enable(true);
     }
 
@@ -228,7 +230,7 @@ impl Source for PortD {
 }
 
 impl PortD {
-    /// For [`bind_interrupts!`](crate::bind_interrupts).
+    /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the interrupt PCINT2 only.

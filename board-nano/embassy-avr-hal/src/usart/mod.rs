@@ -88,7 +88,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         }
     }
 
-    /// For [`bind_interrupts!`](crate::bind_interrupts).
+    /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the interrupt of this name only.
@@ -99,7 +99,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         unsafe { character::on_character::<DE, F>() }
     }
 
-    /// For [`bind_interrupts!`](crate::bind_interrupts).
+    /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the interrupt of this name only.
@@ -110,7 +110,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         unsafe { &mut *SHARED.get() }.on_alarm::<DE, F>();
     }
 
-    /// For [`bind_interrupts!`](crate::bind_interrupts).
+    /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the interrupt of this name only.
@@ -122,7 +122,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         machine.on_ready(wire);
     }
 
-    /// For [`bind_interrupts!`](crate::bind_interrupts).
+    /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
     /// From the interrupt of this name only.
@@ -134,7 +134,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         machine.on_sent(wire);
     }
 
-    /// For [`bind_interrupts!`](crate::bind_interrupts).
+    /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     #[doc(hidden)]
     #[cfg(not(feature = "bare"))]
     #[inline(always)]

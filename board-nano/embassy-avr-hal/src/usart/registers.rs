@@ -23,7 +23,7 @@ const TXEN: u8 = 1 << 3;
 /// PCINT16, which is RXD, of PCMSK2 (DS 13.2.6): the start-bit detector is [`edge`](crate::edge)'s.
 const PCINT16: u8 = 1 << 0;
 
-/// USART0.
+/// The registers of USART0.
 pub(super) struct Usart;
 
 impl Usart {
@@ -113,7 +113,7 @@ pub(super) fn hold() {
     Usart::control(TXEN);
 }
 
-/// Clears TXC.
+/// Clears the flag TXC.
 #[inline(always)]
 pub(super) fn clear_sent(kept: &Kept) {
     // SAFETY: TXC is cleared by writing a one; U2X keeps its value.

@@ -87,7 +87,7 @@ fn run(arguments: &Arguments) -> Result<(), Trouble> {
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
-    // What became this program may have held them back.
+    // The program that this one has replaced may have blocked them.
     let ours = SigSet::from_iter([Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP]);
     ours.thread_unblock().map_err(std::io::Error::from)?;
     let scratch = tempfile::tempdir()?;

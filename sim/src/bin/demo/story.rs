@@ -1,19 +1,18 @@
-//! The steps, each of them checked: what the client said, what went over the wire, what the pins
-//! do.
+//! The steps of the demonstration. Each checks the client's output, the frames on the wire, and the pins.
 
 use multidrop_bus::{Frame, Station, Time, with_crc};
 
 use crate::desk::{BAUD, Desk, Leds, Said, UNITS};
 use crate::{Trouble, show};
 
-/// A client's silence after a broadcast, so that every server has done it (SER 2.4.1).
+/// The client's turnaround delay after a broadcast (SER 2.4.1).
 const TURNAROUND_DELAY: Time = Time::from_ms(100);
-/// Longer than an answer may take, for the serial port.
+/// A wait for the serial port that is longer than an answer may take.
 const ANSWER_WAIT: Time = Time::from_ms(50);
 
 type Checked = Result<(), Trouble>;
 
-/// A frame that has to be on the wire, without its checksum.
+/// A frame that must be on the wire, without its checksum.
 #[derive(Clone, Copy)]
 enum Sent<'a> {
     Client(&'a [u8]),
@@ -21,7 +20,7 @@ enum Sent<'a> {
 }
 use Sent::{Client, Node};
 
-/// Tells it all.
+/// Runs all steps.
 pub fn tell(desk: &mut Desk) -> Checked {
     let mut story = Story { desk, steps: 0 };
     show::title("The demonstration unit: three Nanos on one simulated RS-485 bus");
@@ -46,7 +45,7 @@ fn failed<T>(why: String) -> Result<T, Trouble> {
 }
 
 impl Story<'_> {
-    /// Says what is done, does it, and names it where it fails.
+    /// Prints a step, does it, and names it if it fails.
     fn step(&mut self, what: &str, act: impl FnOnce(&mut Self) -> Checked) -> Checked {
         self.steps += 1;
         show::step(self.steps, what);
@@ -60,7 +59,7 @@ impl Story<'_> {
 
     // --- what a step does -------------------------------------------------------------------
 
-    /// Runs mbpoll, shows what it said, and checks its exit code and that it said `wanted`.
+    /// Runs mbpoll, shows its output, and checks its exit code and that its output contains `wanted`.
     fn mbpoll(&mut self, words: &str, code: i32, wanted: &[&str]) -> Checked {
         let Said { code: got, text } = self.desk.mbpoll(words)?;
         for line in text.lines().map(str::trim).filter(|line| is_result(line)) {
@@ -101,7 +100,7 @@ impl Story<'_> {
         Ok(())
     }
 
-    /// Writes `body` and its checksum to the serial port, and checks what comes back.
+    /// Writes `body` and its checksum to the serial port, and checks the answer.
     fn serial(&mut self, body: &[u8], wait: Time, wanted: Option<&[u8]>) -> Checked {
         let answer = self.desk.serial(&with_crc(body), wait)?;
         let wanted = wanted.map(with_crc).unwrap_or_default();
@@ -113,8 +112,8 @@ impl Story<'_> {
         Ok(())
     }
 
-    /// Shows the frames since the last look, and checks that they are `wanted`, whole, alone on the
-    /// wire, no answer before t3.5, and no driver on but for an answer.
+    /// Shows the new frames, and checks that they are `wanted`, complete and alone on the wire, with no answer before
+    /// t3.5, and no driver on except for an answer.
     fn wire(&mut self, wanted: &[Sent]) -> Checked {
         let line = self.desk.line();
         let switched = self.desk.de_edges();
@@ -185,14 +184,16 @@ impl Story<'_> {
                 show::note(&format!(
                     "RTU, {BAUD} baud, 8N1. LEDs (0 off, 1 on) as in the ports;"
                 ));
-                show::note("a dot is a pin without one: RXD, TXD, DE, and the crystal's two.");
+                show::note(
+                    "a dot is a pin without an LED: RXD, TXD, DE, and the two of the crystal.",
+                );
                 s.wire(&[])?;
                 s.leds([0; UNITS])
             },
         )
     }
 
-    /// Each node alone, and the others stay as they are.
+    /// Writes the register of each node; the other nodes keep theirs.
     fn outputs(&mut self) -> Checked {
         show::part("Outputs, node by node");
         let mut registers = [0; UNITS];
@@ -266,18 +267,21 @@ impl Story<'_> {
 
     fn broadcast(&mut self) -> Checked {
         show::part("Broadcast");
-        self.step("All three at once: nobody answers, everybody obeys.", |s| {
-            show::note(
-                "mbpoll takes no unit id 0 on a serial line: the frame is written to the port",
-            );
-            show::note(
-                "as it is, with Write Multiple Registers, which mbpoll has not used so far.",
-            );
-            let write = [0, 16, 0, 0, 0, 1, 2, 0x15, 0x50];
-            s.serial(&write, TURNAROUND_DELAY, None)?;
-            s.wire(&[Client(&write)])?;
-            s.leds([0x1550; UNITS])
-        })?;
+        self.step(
+            "A broadcast to all three: each executes it, and none answers.",
+            |s| {
+                show::note(
+                    "mbpoll takes no unit id 0 on a serial line: the frame is written to the port",
+                );
+                show::note(
+                    "as it is, with Write Multiple Registers, which mbpoll has not used so far.",
+                );
+                let write = [0, 16, 0, 0, 0, 1, 2, 0x15, 0x50];
+                s.serial(&write, TURNAROUND_DELAY, None)?;
+                s.wire(&[Client(&write)])?;
+                s.leds([0x1550; UNITS])
+            },
+        )?;
         self.step("The same function to unit 3 alone is answered.", |s| {
             let write = [3, 16, 0, 0, 0, 1, 2, 0x2A, 0xA8];
             let done = [3, 16, 0, 0, 0, 1];
@@ -305,7 +309,7 @@ impl Story<'_> {
             },
         )?;
         self.step(
-            "02: mbpoll writes registers 0 and 1 of unit 2: all or nothing, so nothing.",
+            "02: mbpoll writes registers 0 and 1 of unit 2, which changes neither.",
             |s| {
                 let words = "-a 2 -t 4 -r 0 bus 0x3FF8 1";
                 s.mbpoll(words, 1, &["Illegal data address"])?;
@@ -333,17 +337,17 @@ impl Story<'_> {
     fn unplugged(&mut self) -> Checked {
         show::part("A node unplugged");
         let read = [2, 3, 0, 0, 0, 1];
-        self.step("Unit 2 is unplugged: mbpoll waits in vain.", |s| {
+        self.step("Unit 2 is unplugged: mbpoll gets no answer.", |s| {
             s.desk.plug(2, false)?;
             s.mbpoll("-a 2 -t 4:hex -r 0 -o 0.5 bus", 1, &["timed out"])?;
             s.wire(&[Client(&read)])
         })?;
-        self.step("Unit 3 does not mind.", |s| {
+        self.step("Unit 3 is not affected.", |s| {
             s.mbpoll_reads("-a 3 -t 4:hex -r 0 bus", &["0x2AA8".to_owned()])?;
             s.wire(&[Client(&[3, 3, 0, 0, 0, 1]), Node(3, &[3, 3, 2, 0x2A, 0xA8])])
         })?;
         self.step(
-            "Unit 2 is plugged back and answers; its outputs stood.",
+            "Unit 2 is plugged in again and answers; its outputs were kept.",
             |s| {
                 s.desk.plug(2, true)?;
                 s.mbpoll_reads("-a 2 -t 4:hex -r 0 bus", &["0x1550".to_owned()])?;
@@ -354,12 +358,12 @@ impl Story<'_> {
     }
 }
 
-/// What of mbpoll's text is about the request, not about mbpoll or its settings.
+/// Whether a line of mbpoll's output is about the request, not about mbpoll or its settings.
 fn is_result(line: &str) -> bool {
     line.starts_with('[') || line.starts_with("Written") || line.contains("failed")
 }
 
-/// How to drive the bus that stays up.
+/// How to drive the bus, which stays up.
 pub fn invite() {
     show::part("The bus stays up: ./bus, until Ctrl-C");
     show::note(&format!(

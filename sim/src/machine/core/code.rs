@@ -8,18 +8,18 @@ pub(super) struct Instruction {
     pub kind: Kind,
     /// It depends on an IT instruction: the core must not stop in front of it.
     pub conditional: bool,
-    /// In bytes.
+    /// Its length in bytes.
     pub length: u8,
 }
 
 /// What is done about an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Nothing.
+    /// No special meaning.
     Ordinary,
-    /// WFE.
+    /// The instruction WFE.
     WaitForEvent,
-    /// WFI.
+    /// The instruction WFI.
     WaitForInterrupt,
     SendEvent,
     /// CPS: what is to become of PRIMASK and FAULTMASK.

@@ -64,7 +64,7 @@ impl Silicon {
         self.handle(exception, back, ENTRY);
     }
 
-    /// The handler of an exception, which returns to `back`, is reached in so many clocks.
+    /// The number of clocks in which the handler of an exception, which returns to `back`, is reached.
     fn handle(&mut self, exception: u8, back: u32, clocks: u64) {
         self.core.set(Register::Lr, back);
         let table = match self.chip().nvic.vectors() {

@@ -42,7 +42,7 @@ struct Gpio {
     outside: [Option<bool>; 16],
 }
 
-/// All pins.
+/// All pins of the chip.
 pub(super) struct Pins {
     gpios: [Gpio; GPIOS],
     exticr: [u32; 4],
@@ -184,7 +184,7 @@ impl Pins {
         Access::Done
     }
 
-    /// SYSCFG.
+    /// Reads a register of SYSCFG.
     pub fn read_routing(&self, offset: u32) -> Option<u32> {
         Some(match offset {
             0x00 | 0x04 => self.syscfg[offset as usize / 4],
@@ -194,7 +194,7 @@ impl Pins {
         })
     }
 
-    /// SYSCFG.
+    /// Writes a register of SYSCFG.
     pub fn write_routing(&mut self, offset: u32, value: u32) -> Access {
         match offset {
             0x00 | 0x04 => self.syscfg[offset as usize / 4] = value,
@@ -204,7 +204,7 @@ impl Pins {
         Access::Done
     }
 
-    /// EXTI.
+    /// Reads a register of EXTI.
     pub fn read_exti(&self, offset: u32) -> Option<u32> {
         Some(match offset {
             0x00 => self.imr,
@@ -217,7 +217,7 @@ impl Pins {
         })
     }
 
-    /// EXTI.
+    /// Writes a register of EXTI.
     pub fn write_exti(&mut self, offset: u32, value: u32) -> Access {
         match offset {
             0x00 => self.imr = value,

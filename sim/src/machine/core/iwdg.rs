@@ -4,7 +4,7 @@ use super::{Access, TICKS_HZ};
 
 const LSI_HZ: u64 = 32_000;
 
-/// The watchdog.
+/// The independent watchdog.
 #[derive(Clone, Debug)]
 pub(super) struct Iwdg {
     /// Ticks of LSI.
@@ -17,7 +17,7 @@ pub(super) struct Iwdg {
 }
 
 impl Iwdg {
-    /// Off.
+    /// A watchdog that is off.
     pub fn new() -> Self {
         Iwdg {
             lsi: TICKS_HZ / LSI_HZ,
@@ -28,7 +28,7 @@ impl Iwdg {
         }
     }
 
-    /// From now on LSI has so many Hz.
+    /// Sets the frequency of LSI in Hz from now on.
     pub fn set_lsi(&mut self, hz: u32) {
         self.lsi = TICKS_HZ / u64::from(hz);
     }
@@ -60,7 +60,7 @@ impl Iwdg {
         }
     }
 
-    /// A register.
+    /// Writes a register.
     pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Access {
         match (offset, value) {
             (0x00, 0x5555) => self.unlocked = true,

@@ -43,7 +43,7 @@ const TICKS_HZ: u64 = 336_000_000;
 /// The crystal of the board.
 const HSE_HZ: u64 = 8_000_000;
 
-/// Ports.
+/// The number of ports.
 const PORTS: usize = 4;
 
 /// Memories (RM0090 2.3.1, 2.4): flash, which is at 0 too, RAM, and RAM of the core alone.
@@ -105,7 +105,7 @@ pub enum Cause {
     BrownOut,
     /// NRST was low.
     Pin,
-    /// SYSRESETREQ.
+    /// A reset by SYSRESETREQ.
     Software,
     /// The independent watchdog.
     Watchdog,
@@ -126,9 +126,9 @@ pub(super) enum Output {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Runs,
-    /// Behind WFE.
+    /// Waits after WFE.
     WaitsForEvent,
-    /// Behind WFI.
+    /// Waits after WFI.
     WaitsForInterrupt,
     /// A fault within the handler of faults (ARMv7-M B1.5.15): nothing but a reset ends it.
     LockedUp,
@@ -239,7 +239,7 @@ impl Silicon {
         self.chip_mut().fail_crystal();
     }
 
-    /// The watchdog's oscillator has so many Hz, 17 000 to 47 000 (DS, LSI oscillator characteristics), from its next reload on.
+    /// Sets the frequency of the watchdog's oscillator in Hz, 17 000 to 47 000 (DS, LSI oscillator characteristics), from its next reload on.
     pub fn set_lsi(&mut self, hz: u32) {
         self.chip_mut().iwdg.set_lsi(hz);
     }

@@ -33,7 +33,7 @@ const THREAD: i16 = 256;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Asked {
     Nothing,
-    /// SYSRESETREQ.
+    /// A reset by SYSRESETREQ.
     Reset,
 }
 
@@ -305,7 +305,7 @@ impl Nvic {
         })
     }
 
-    /// See [`read`](Self::read). `None`: there is no such register, or it is not modelled.
+    /// Writes a register; `None` if it does not exist, or is not modelled.
     pub fn write(&mut self, offset: u32, value: u32) -> Option<Asked> {
         let bits = |first: u32| u128::from(value) << (16 + (offset - first) / 4 * 32);
         self.mpu.changed |= (0xD94..=0xDB8).contains(&offset);

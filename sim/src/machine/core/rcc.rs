@@ -166,7 +166,7 @@ impl Rcc {
         Ok(())
     }
 
-    /// RCC.
+    /// Reads a register of RCC.
     pub fn read(&self, offset: u32, now: u64) -> Option<u32> {
         if let Some(place) = PLAIN.iter().position(|known| *known == offset) {
             return Some(self.plain[place]);
@@ -188,7 +188,7 @@ impl Rcc {
         })
     }
 
-    /// RCC.
+    /// Writes a register of RCC.
     pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Access {
         if let Some(place) = PLAIN.iter().position(|known| *known == offset) {
             self.plain[place] = value;
@@ -250,7 +250,7 @@ impl Rcc {
         }
     }
 
-    /// PWR.
+    /// Writes a register of PWR.
     pub fn write_power(&mut self, offset: u32, value: u32) -> Access {
         match offset {
             0x00 => self.pwr_cr = value,
@@ -273,7 +273,7 @@ impl Rcc {
         }
     }
 
-    /// FLASH.
+    /// Writes a register of FLASH.
     pub fn write_flash(&mut self, offset: u32, value: u32) -> Access {
         if offset != 0 {
             return Access::Unknown;

@@ -11,10 +11,10 @@ const CR1: u32 = CEN | UDIS | URS | 1 << 7;
 
 /// UIF and CC1IF to CC4IF.
 const FLAGS: u32 = 0x1F;
-/// UG.
+/// Update generation (UG).
 const UG: u32 = 1 << 0;
 
-/// A counter.
+/// A timer of 32 bits.
 #[derive(Clone, Debug)]
 pub(super) struct Timer {
     cr1: u32,
@@ -37,7 +37,7 @@ pub(super) struct Timer {
 }
 
 impl Timer {
-    /// As after a reset, with a clock of so many ticks; when it is switched on it counts from `begins_at`.
+    /// A timer after a reset, with a clock of this tick rate; when it is switched on it counts from `begins_at`.
     pub fn new(clock: u64, begins_at: u32) -> Self {
         Timer {
             cr1: 0,
@@ -73,7 +73,7 @@ impl Timer {
         now.saturating_sub(self.since) / self.count_ticks()
     }
 
-    /// The counter.
+    /// The value of the counter.
     pub fn count(&self, now: u64) -> u32 {
         ((u64::from(self.base) + self.counted(now)) % self.period()) as u32
     }

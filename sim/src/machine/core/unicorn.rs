@@ -54,7 +54,7 @@ pub(super) enum Register {
 }
 
 impl Register {
-    /// `uc_arm_reg`.
+    /// The number in `uc_arm_reg`.
     fn number(self) -> c_int {
         match self {
             Register::R(number) => 66 + c_int::from(number),
@@ -337,17 +337,17 @@ impl<B: Board> Core<B> {
     }
 
     fn api(&self) -> &Api {
-        // SAFETY: nobody changes it.
+        // SAFETY: it is never changed.
         unsafe { &(*self.wired.get()).api }
     }
 
-    /// The board.
+    /// The board around the core.
     pub fn board(&self) -> &B {
         // SAFETY: the callbacks run within `run` only, which borrows all of the core.
         unsafe { &(*self.wired.get()).board }
     }
 
-    /// The board.
+    /// The board around the core, mutable.
     pub fn board_mut(&mut self) -> &mut B {
         // SAFETY: as in `board`.
         unsafe { &mut (*self.wired.get()).board }
@@ -408,7 +408,7 @@ impl<B: Board> Core<B> {
         self.api().text(error)
     }
 
-    /// A register.
+    /// The value of a register.
     pub fn get(&self, register: Register) -> u32 {
         let (api, uc) = (self.api(), self.uc);
         Registers { api, uc }.get(register)

@@ -55,7 +55,7 @@ pub(super) struct Usart {
 }
 
 impl Usart {
-    /// As after a reset, with a clock that is so many parts per million off; as many overruns as there were before.
+    /// A USART after a reset, whose clock is off by this number of parts per million; the count of overruns is kept.
     pub fn new(ppm: i32, overruns: u64) -> Self {
         Usart {
             clock_hz: 0,
@@ -113,7 +113,7 @@ impl Usart {
         self.sending
     }
 
-    /// Characters that were lost since nobody had read the one before.
+    /// Characters that were lost because the one before was not read.
     pub fn overruns(&self) -> u64 {
         self.overruns
     }
@@ -161,7 +161,7 @@ impl Usart {
         self.transmitter.due(now)
     }
 
-    /// A character has come in. It is lost if nobody has read the one before.
+    /// Receives a character. It is lost if the one before was not read.
     pub fn deliver(&mut self, byte: RxByte) {
         if !self.listens() {
             return;
@@ -214,7 +214,7 @@ impl Usart {
         self.cr1 & UE != 0 && (of_cr1 || overrun || parity || error || cts)
     }
 
-    /// A register.
+    /// Reads a register.
     pub fn read(&mut self, offset: u32, now: Time) -> Option<u32> {
         Some(match offset {
             0x00 => {
@@ -235,7 +235,7 @@ impl Usart {
         })
     }
 
-    /// A register.
+    /// Writes a register.
     pub fn write(&mut self, offset: u32, value: u32, now: Time) -> Access {
         match offset {
             // Cleared by zeros; the others cannot be (RM0090 30.6.1).

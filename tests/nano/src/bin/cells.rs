@@ -28,7 +28,7 @@ static ADDRESS: [AtomicU8; 2] = [const { AtomicU8::new(0) }; 2];
 /// How many bytes, at most [`ROOM`].
 #[unsafe(no_mangle)]
 static LEN: AtomicU8 = AtomicU8::new(0);
-/// The bytes.
+/// The bytes of an order.
 #[unsafe(no_mangle)]
 static BYTES: [AtomicU8; ROOM] = [const { AtomicU8::new(0) }; ROOM];
 

@@ -17,7 +17,7 @@ pub enum Board {
 }
 
 impl Board {
-    /// Measures everything.
+    /// Measures all figures of the board.
     pub fn measure(self, arguments: &Arguments) -> Result<Figures, Trouble> {
         match self {
             Board::Nano => {
@@ -29,7 +29,7 @@ impl Board {
         }
     }
 
-    /// Its table.
+    /// The table of the board.
     pub fn table(self) -> Table {
         match self {
             Board::Nano => table::nano(),

@@ -16,13 +16,13 @@ pub struct Figures {
     pub compiler: String,
     /// The clock of the chip, or the instructions in a second of the machine, in Hz.
     pub clock_hz: u32,
-    /// By image.
+    /// The figures by image.
     #[serde(serialize_with = "whole_where_whole")]
     pub images: BTreeMap<String, Set>,
 }
 
 impl Figures {
-    /// None yet.
+    /// A record without figures.
     pub fn new(compiler: &str, clock_hz: u32) -> Self {
         Figures {
             compiler: compiler.to_owned(),
@@ -31,7 +31,7 @@ impl Figures {
         }
     }
 
-    /// One figure.
+    /// One figure of an image.
     pub fn get(&self, image: &str, name: &str) -> Option<f64> {
         self.images.get(image)?.get(name).copied()
     }

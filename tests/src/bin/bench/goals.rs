@@ -53,7 +53,7 @@ impl Goal {
         matches!(self.worst, Some((value, _)) if self.bound.holds(value))
     }
 
-    /// The same, and nothing fails where it is missed.
+    /// Makes it a goal that is only aimed at: missing it does not fail.
     pub fn only_aimed_at(mut self) -> Self {
         self.is_aim = true;
         self

@@ -30,7 +30,7 @@ pub fn update(
     Ok(())
 }
 
-/// Whether what stands there is what is kept of some compiler; says so.
+/// Checks and prints whether the table shows recorded figures of some compiler.
 pub fn check(path: &Path, board: Board, kept: &[Figures]) -> Result<bool, Trouble> {
     let text = read(path)?;
     let good = shown(board, &text[place(path, board, &text)?], kept).is_some();
@@ -42,7 +42,7 @@ pub fn check(path: &Path, board: Board, kept: &[Figures]) -> Result<bool, Troubl
     Ok(good)
 }
 
-/// Whose figures these are.
+/// The kept figures that the table shows.
 fn shown<'a>(board: Board, text: &str, kept: &'a [Figures]) -> Option<&'a Figures> {
     kept.iter().find(|figures| section(board, figures) == text)
 }

@@ -10,7 +10,7 @@ use crate::Trouble;
 /// A firmware image and what is known of it without running it.
 #[derive(Clone, Debug)]
 pub struct Image {
-    /// Application.
+    /// The name of the application.
     pub app: String,
     /// Items in each of its tables.
     pub count: u8,
@@ -33,7 +33,7 @@ impl Image {
         }
     }
 
-    /// Its line.
+    /// The settings of its line.
     pub fn line(&self) -> Line {
         Line::n81(self.baud)
     }

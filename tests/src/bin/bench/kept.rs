@@ -90,7 +90,7 @@ pub fn take_over(path: &Path, image: &str, figures: &mut Figures) -> Result<(), 
 }
 
 /// Compares with what is kept, prints the differences, and gives whether each image is as it was: nothing
-/// where no figures of this compiler are kept. Flash may be off by so many bytes of `padding`.
+/// where no figures of this compiler are kept. Flash may be off by `padding` bytes.
 pub fn compare(path: &Path, measured: &Figures, padding: f64) -> Result<Vec<bool>, Trouble> {
     println!("\nFigures kept in {}", path.display());
     let all = load(path)?;

@@ -36,7 +36,8 @@ pub fn loss_free_baud(images: &Images<'_>, count: u8) -> Result<u32, Trouble> {
     Ok(free)
 }
 
-/// The same of a node on which tasks wait for edges on port D, of which one comes at some time in each exchange.
+/// The highest loss-free baud of a node on which tasks wait for edges on port D, with one edge at any time of each
+/// exchange.
 pub fn loss_free_baud_with_edges(images: &Images<'_>) -> Result<u32, Trouble> {
     let mut free = 0;
     for baud in BAUDS {

@@ -31,7 +31,7 @@ use image::{Image, Images};
 #[derive(Debug, Parser)]
 #[command(name = "bench")]
 struct Arguments {
-    /// The board
+    /// The board to measure
     #[arg(long, value_enum)]
     board: Board,
     /// A firmware image: application, items in each table, baud, flash, static RAM, path
@@ -56,7 +56,7 @@ struct Arguments {
     /// The text in which a part of them is shown
     #[arg(long, value_name = "PATH")]
     guide: PathBuf,
-    /// Rewrite both
+    /// Rewrite figures and tables
     #[arg(long)]
     record: bool,
     /// Take what is kept of what takes longest, as --check does

@@ -109,7 +109,7 @@ fn one(image: &Image) -> Result<Set, Trouble> {
 /// What a series of exchanges of one shape showed, in microseconds.
 #[derive(Default)]
 struct Series {
-    /// Beyond t3.5.
+    /// The time beyond t3.5.
     turnaround: Range,
     de_lead: Range,
     de_lag: Range,
@@ -136,7 +136,7 @@ fn exchanges<N>(
     Ok(series)
 }
 
-/// Turnaround and jitter for each shape, over so many exchanges; DE and the gaps inside answers over all of them.
+/// Turnaround and jitter for each shape, over a number of exchanges; DE and the gaps inside answers over all of them.
 pub fn turnaround<N>(desk: &mut Desk<N>, count: usize, set: &mut Set) -> Result<(), Trouble> {
     let mut all = Series::default();
     let mut gaps = Range::default();

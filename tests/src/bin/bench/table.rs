@@ -16,9 +16,9 @@ pub struct Row {
     brief: bool,
 }
 
-/// Which figures a cell is made of.
+/// The figures of a cell.
 pub enum Shown {
-    /// One.
+    /// One figure of this name.
     One(&'static str),
     /// `NAME_min_UNIT` and `NAME_max_UNIT`, given as these two.
     Range(&'static str, &'static str),
@@ -67,7 +67,7 @@ pub const DE_LEAD: Row = turnaround(
 )
 .goal("<= 1 character")
 .brief();
-/// See [`DE_LEAD`].
+/// What DE keeps to after the last byte of an answer.
 pub const DE_LAG: Row = turnaround(
     "DE down after the last stop bit",
     "de_lag_min_us",
@@ -75,7 +75,7 @@ pub const DE_LAG: Row = turnaround(
 )
 .goal("0..=10")
 .brief();
-/// See [`DE_LEAD`].
+/// What the bytes of an answer keep to.
 pub const ANSWER_GAP: Row = row(
     "longest gap between answer bytes",
     "us",
@@ -290,7 +290,7 @@ pub struct Table {
     has_peers: bool,
 }
 
-/// The Nano's.
+/// The Nano's table.
 pub fn nano() -> Table {
     let registers = COUNTS
         .iter()
@@ -310,7 +310,7 @@ pub fn nano() -> Table {
 }
 
 impl Table {
-    /// Without peers.
+    /// A table without peers.
     pub fn new(rows: &'static [Row], images: Vec<String>, head: &'static str) -> Self {
         Table {
             rows,

@@ -17,11 +17,11 @@ const UNIT: u8 = 1;
 /// A request of a fixed shape, at random addresses and with random data where that is possible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
-    /// FC 03, so many registers.
+    /// FC 03 with this number of registers.
     Read(u16),
-    /// FC 06.
+    /// Write Single Register, FC 06.
     WriteOne,
-    /// FC 10, so many registers.
+    /// FC 10 with this number of registers.
     Write(u16),
 }
 
@@ -117,11 +117,11 @@ pub struct Exchange {
 
 /// One node, one host, and a model of what the node must answer. The node is a Nano or an STM32.
 pub struct Desk<N = NodeId> {
-    /// The bus.
+    /// The bus of the exchange.
     pub bus: Bus,
-    /// The node.
+    /// The node that answers.
     pub node: N,
-    /// The host.
+    /// The host that asks.
     pub host: HostId,
     /// Items in each table of the node.
     pub count: u8,
@@ -179,7 +179,7 @@ impl<N> Desk<N> {
         }
     }
 
-    /// Its line.
+    /// The settings of the line.
     pub fn line(&self) -> Line {
         self.line
     }
@@ -201,7 +201,7 @@ impl<N> Desk<N> {
         self.ask_each(request.iter().map(|&byte| Tx::byte(byte)), request)
     }
 
-    /// The same with the characters of `request` as described.
+    /// Sends a request whose characters are described one by one, and waits for its answer.
     pub fn ask_each(
         &mut self,
         characters: impl IntoIterator<Item = Tx>,

@@ -1,4 +1,4 @@
-//! What is changed on a port, step by step: the PC does it, in place of its other requests.
+//! Changes of the settings of a port, step by step, by requests of the PC.
 
 use multidrop_bus::{Format, Line};
 

@@ -1,4 +1,4 @@
-//! A host that asks again and again, beside others.
+//! A host that sends requests all the time, beside others.
 
 use multidrop_bus::{Bus, HostId, Line, Time};
 
@@ -8,7 +8,7 @@ use super::Report;
 /// How long it waits for an answer: longer than all timeouts of routes that it may have to wait for.
 const PATIENCE: Time = Time::from_ms(400);
 
-/// Who answers.
+/// The source of the answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// The port that is asked.

@@ -34,19 +34,19 @@ use sniffed::Sniffed;
 pub const AS1: usize = 0;
 /// The ASCII slave.
 pub const AS2: usize = 1;
-/// The printer.
+/// The index of the port that prints.
 pub const RS2: usize = 2;
-/// The master.
+/// The index of the master's port.
 pub const RS4: usize = 3;
 
 /// What AS1 and RS4 are set to at first.
 pub const LINE: Line = Line::n81(38_400);
-/// AS2.
+/// The line of AS2.
 pub const ASCII: Line = Line {
     baud: 19_200,
     format: Format::E71,
 };
-/// RS2.
+/// The line of RS2.
 pub const TEXT: Line = Line::n81(230_400);
 
 /// How long RS4 waits for a unit.
@@ -66,13 +66,13 @@ const STEP: Time = Time::from_us(500);
 pub struct Desk {
     /// All of it.
     pub bus: Bus,
-    /// On AS1.
+    /// The host on AS1.
     pub pc: HostId,
-    /// On AS2.
+    /// The host on AS2.
     pub ascii: HostId,
-    /// On RS2.
+    /// The host on RS2.
     pub terminal: HostId,
-    /// The STM32.
+    /// The STM32 with `ports`.
     pub machine: MachineId,
     /// The units on RS4.
     pub nodes: Vec<NodeId>,
@@ -89,7 +89,7 @@ impl Desk {
         Self::in_parts(ports, emulator, units, Parts::default())
     }
 
-    /// The same, and the parts of the image of `ports` are counted apart.
+    /// A desk whose image of `ports` is counted in parts.
     ///
     /// # Errors
     /// As [`Desk::new`].
@@ -175,9 +175,9 @@ pub struct Report {
     pub reconfigurations: [u32; 4],
     /// The longest time from a request's end to the beginning of the port's own answer; of AS1 and AS2.
     pub turnaround: [Time; 4],
-    /// The same where the answer is a unit's.
+    /// The time of an exchange whose answer is a unit's.
     pub routed: [Time; 4],
-    /// Characters lost on each port since nobody had read the one before.
+    /// Characters lost on each port because the one before was not read.
     pub overruns: [u64; 4],
 }
 

@@ -1,4 +1,4 @@
-//! What was on RS4's wire against what RS2 prints, while both go on for as long as one likes.
+//! The frames on RS4's wire against the lines that RS2 prints, for any length of time.
 
 use std::collections::VecDeque;
 
@@ -20,7 +20,7 @@ struct Open {
 
 /// See the module.
 pub struct Sniffed {
-    /// RS4.
+    /// The station of RS4.
     master: Station,
     /// Characters of the frame that may not be over.
     characters: Vec<WireByte>,

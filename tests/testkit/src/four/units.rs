@@ -1,4 +1,5 @@
-//! Units behind RS4 that answer as they are told, and hosts that ask for them: nothing of it is our firmware.
+//! Units behind RS4 that answer by a script, and hosts that send them requests: none of it is the firmware under
+//! test.
 
 use std::path::Path;
 
@@ -17,7 +18,7 @@ type Script<'a> = dyn FnMut(&[u8]) -> Vec<Reply> + 'a;
 
 /// A desk on which one host plays all units, by a script: it gets each request as unit id and PDU.
 pub struct Played<'a> {
-    /// The desk.
+    /// The desk with the units.
     pub desk: Desk,
     units: HostId,
     script: Box<Script<'a>>,
@@ -151,7 +152,8 @@ pub fn asked(desk: &Desk) -> Vec<Asked> {
     asked
 }
 
-/// The same where clients give up: what was cut off, since nobody waits for its answer any more, is no request.
+/// The requests of a desk on which clients give up: a request that was cut off, since no client waits any more, does
+/// not count.
 ///
 /// # Panics
 /// As [`asked`].

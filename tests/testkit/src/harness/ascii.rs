@@ -1,4 +1,4 @@
-//! A plain reading of an ASCII line, and whether what a unit did is what it demands. Shares no code with the crate under test.
+//! A plain reading of an ASCII line that judges the actions of a unit. Shares no code with the crate under test.
 
 use super::book::{Book, Outcome};
 use super::bus::{Bus, Char, SECOND, Settings, Talk};
@@ -129,7 +129,7 @@ impl Open {
     }
 }
 
-/// As [`script::run`], on a line that is set up for ASCII and sees start bits.
+/// Runs a script like [`script::run`], on a line that is set up for ASCII and sees start bits.
 pub fn run<const MAY_FAIL: bool>(config: &Config, ops: &[Op], book: &mut Book) -> Verdict {
     assert!(config.settings.sees_start_bits);
     let bus = Bus::ascii(config.settings.clone());

@@ -1,4 +1,4 @@
-//! What the standard says to a request, in the plainest way. Shares no code with the crate under test.
+//! The answers of the standard to a request, in the plainest way. Shares no code with the crate under test.
 
 /// The unit id of the server under test.
 pub const UNIT: u8 = 17;
@@ -19,7 +19,7 @@ pub const TOO_LONG: u8 = 0x43;
 pub const BUSY: u8 = 0x44;
 pub const MUTE: u8 = 0x45;
 
-/// The tables.
+/// The tables of the server.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Book {
     pub holding: Vec<u16>,

@@ -1,4 +1,4 @@
-//! Whether what a unit did is what the standard demands of the characters that were on the wire.
+//! Judges whether the actions of a unit are those that the standard demands for the characters on the wire.
 
 use super::book::{Book, Outcome, framed, unframed};
 use super::bus::{Bus, Char, Settings, Talk};

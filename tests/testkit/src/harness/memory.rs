@@ -1,4 +1,4 @@
-//! The model behind the server under test: banks of odd sizes at odd places, and functions of the application.
+//! The data model of the server under test: banks of odd sizes at odd places, and functions of the application.
 
 use std::sync::LazyLock;
 

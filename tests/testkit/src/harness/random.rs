@@ -1,4 +1,4 @@
-//! Requests, gaps and scripts by number: the same number makes the same script.
+//! Requests, gaps and scripts by number: equal numbers give equal scripts.
 
 use multidrop_protocol::frame::ReceiveErrors;
 
@@ -6,7 +6,7 @@ use super::book::{self, UNIT};
 use super::bus::Settings;
 use super::script::{self, Config, Op, Sent};
 
-/// SplitMix64.
+/// The generator SplitMix64.
 pub struct Random(u64);
 
 impl Random {
@@ -14,7 +14,7 @@ impl Random {
         Random(seed)
     }
 
-    /// Any number.
+    /// A number of 64 bits.
     pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let z = self.0;
@@ -32,7 +32,7 @@ impl Random {
         self.next() as u8
     }
 
-    /// True once in so many times.
+    /// True once in `times` calls on average.
     pub fn once_in(&mut self, times: u64) -> bool {
         self.below(times) == 0
     }
@@ -140,7 +140,7 @@ pub fn settings(random: &mut Random) -> Settings {
     }
 }
 
-/// Somebody's frame, right or with something wrong with it.
+/// A frame of some station, right or with an error.
 fn talk(random: &mut Random, settings: &Settings) -> Op {
     let body = request(random);
     let silence = settings.t3_5 + 1 + random.below(300);
@@ -200,7 +200,8 @@ pub fn orderly(random: &mut Random) -> (Config, Vec<Op>) {
     )
 }
 
-/// As [`orderly`], with slow tasks, edges that are no characters, and futures dropped at any moment.
+/// A script like that of [`orderly`], with slow tasks, edges that are no characters, and futures dropped at any
+/// moment.
 pub fn rough(random: &mut Random) -> (Config, Vec<Op>) {
     let (mut config, mut ops) = orderly(random);
     let most = random.pick(&[1, 26, 200, 1000, 20_000]);

@@ -1,4 +1,4 @@
-//! What is on the wire and what befalls the unit, one after the other.
+//! The events on the wire and in the unit, one after the other.
 
 use multidrop_protocol::frame::ReceiveErrors;
 
@@ -26,9 +26,9 @@ pub struct Sent {
 /// One thing after the other.
 #[derive(Clone, Debug)]
 pub enum Op {
-    /// Somebody talks; a polite one waits until the unit has come to rest.
+    /// Another station sends; a polite one waits until the unit is at rest.
     Talk { polite: bool, chars: Vec<Sent> },
-    /// An edge on the wire so many ticks after the last character so far.
+    /// An edge on the wire, in ticks after the last character so far.
     Glitch(u64),
     /// The task that has the frame is dropped then, and begun anew.
     Cancel(u64),

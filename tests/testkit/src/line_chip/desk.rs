@@ -17,7 +17,7 @@ pub(super) const REQUEST: [u8; 4] = [0x11, 0x07, 0x4C, 0x22];
 /// An answer to it: exception 02, without its CRC.
 pub(super) const ANSWER: [u8; 3] = [0x11, 0x87, 0x02];
 
-/// 38400 8N1.
+/// The settings: 38400 8N1.
 pub(super) const CONFIG: LineConfig = LineConfig {
     baud: 38_400,
     format: LineFormat::F8N1,
@@ -60,7 +60,7 @@ impl<T: ChipUnderTest> Desk<T> {
         desk
     }
 
-    /// In silence.
+    /// A desk whose line was silent for t3.5.
     pub fn silent(config: LineConfig) -> Self {
         let mut desk = Self::new(config);
         desk.wait(desk.intervals.t3_5 + 2 * desk.intervals.character);

@@ -21,9 +21,9 @@ use multidrop_protocol::frame::ReceiveErrors;
 use multidrop_protocol::line::{Chip, LineConfig};
 use multidrop_protocol::timing::Sight;
 
-/// A chip on a desk: its driver, and in place of silicon something that the suite can drive.
+/// A chip under test: its driver, and a model of its hardware that the suite can drive.
 pub trait ChipUnderTest: Sized {
-    /// The chip.
+    /// The type of the chip.
     type Chip: Chip;
 
     /// As it is behind a reset, not set up yet.

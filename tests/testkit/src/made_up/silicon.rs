@@ -16,7 +16,7 @@ pub(super) enum Awaited {
 /// Registers, and what goes on behind them.
 #[derive(Debug)]
 pub(super) struct Hardware {
-    /// The timer.
+    /// The count of the timer.
     pub now: u32,
     pub compare: u32,
     pub compare_interrupt: bool,

@@ -41,7 +41,7 @@ pub struct Counters {
 enum Done {
     /// It is answered, and a message completed.
     Answer(Vec<u8>),
-    /// The same, but it does not count in the event counter: FC 0B, 0C, and what clears it.
+    /// The request is answered, but the event counter does not count it: FC 0B, 0C, and what clears it.
     Uncounted(Vec<u8>),
     /// FC 08/0001: answered, then restarted.
     Restart(Vec<u8>, bool),
@@ -73,7 +73,7 @@ pub struct Plain {
 }
 
 impl Plain {
-    /// As it is at boot, with so many records in file 4; with none there are no files.
+    /// The model at boot, with this number of records in file 4; with 0 there are no files.
     pub fn new(product: &'static str, version: &str, records: u16) -> Self {
         Plain {
             tables: Tables::new(),

@@ -20,9 +20,9 @@ pub struct Step {
 pub enum Damage {
     /// Bits of the check at the end are wrong.
     Check(u16),
-    /// It ends early: so many characters are missing, though not all.
+    /// It ends early: this number of characters is missing, though not all.
     Cut(usize),
-    /// So many characters over the most that a frame may have.
+    /// A request with this number of characters over the most that a frame may have.
     Long(usize),
     /// One bit is wrong.
     Flip(usize, u8),
@@ -120,7 +120,7 @@ impl Step {
     }
 }
 
-/// Random steps.
+/// Requests in random steps.
 pub struct Requests<'a> {
     below: Below<'a>,
     /// The ways in which characters can be wrong where they go.

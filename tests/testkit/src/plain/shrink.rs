@@ -1,4 +1,4 @@
-//! The least of a history that still fails.
+//! Finds a shortest history that still fails.
 
 use super::requests::Step;
 

@@ -7,7 +7,7 @@ pub struct Tables {
     pub holding: Vec<u16>,
     /// From address 0; those between 128 and 999 do not exist and stay off.
     pub coils: Vec<bool>,
-    /// [`super::Plain::with_extras`].
+    /// Whether the model is [`super::Plain::with_extras`].
     pub extras: bool,
 }
 
@@ -100,7 +100,7 @@ impl Tables {
         }
     }
 
-    /// FC 07.
+    /// The exception status of FC 07.
     pub fn exception_status(&self) -> u8 {
         packed(&self.coils[..8])[0]
     }

@@ -1,4 +1,4 @@
-//! Frames as characters, and what a receiver has to make of characters (SER 2.5.1, 2.5.2).
+//! Frames as characters, and the frames that a receiver must find in characters (SER 2.5.1, 2.5.2).
 
 /// How frames are put on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

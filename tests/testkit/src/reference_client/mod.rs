@@ -1,5 +1,5 @@
-//! A plain reading of the standard for the client: what a request looks like, whether it may be sent, and what
-//! answers it. Nothing here uses the crate's own code, but for [`Ask::request`], which is what is tested.
+//! A plain reading of the standard for the client: the bytes of a request, whether it may be sent, and its answers.
+//! Nothing here uses the code under test, except [`Ask::request`], which is what is tested.
 #![allow(
     missing_docs,
     reason = "names of fields, variants and constants that tell all there is to tell"

@@ -1,4 +1,4 @@
-//! Which register is at which address (RM0090 2.3).
+//! The addresses of the registers (RM0090 2.3).
 
 use super::Chip;
 use crate::machine::core::gpio::Pin;

@@ -7,7 +7,7 @@ pub(in crate::machine::core) struct Mpu {
     pub(super) number: u32,
     /// RBAR and RASR of each region.
     regions: [(u32, u32); 8],
-    /// Somebody has written to it.
+    /// Whether it was written to.
     pub changed: bool,
 }
 

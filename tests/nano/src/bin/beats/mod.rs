@@ -18,7 +18,7 @@ macro_rules! beats {
             }
         )*
 
-        /// Spawns all.
+        /// Spawns the tasks of all beats.
         pub fn spawn(spawner: Spawner, pins: Pins) {
             $(spawner.spawn($name(Output::new(pins.$pin, false)).unwrap());)*
         }

@@ -1,4 +1,4 @@
-//! Four ports loaded at once, for as long as nobody waits for in a test: the image that is flashed, on the core in this process.
+//! Four ports loaded at once, for longer than a test may take: the image that is flashed, on the core in this process.
 
 use multidrop_bus::{Emulator, Time};
 

@@ -14,7 +14,7 @@ const RAM: [&str; 3] = ["ram_as1_bytes", "ram_as2_bytes", "ram_rs2_bytes"];
 /// The port with the router and four clients.
 const RAM_RS4: &str = "ram_rs4_bytes";
 
-/// All goals.
+/// All goals of the STM32.
 pub fn of(figures: &Figures) -> Vec<Goal> {
     let one = |what: &str, unit, image: &str, names: &[String], bound| {
         let images = [image.to_owned()];

@@ -119,7 +119,7 @@ fn managed(image: &Image) -> Result<Set, Trouble> {
     Ok(set)
 }
 
-/// As [`limits::loss_free_baud`](crate::limits::loss_free_baud).
+/// The highest loss-free baud, found like that of [`limits::loss_free_baud`](crate::limits::loss_free_baud).
 fn loss_free_baud(images: &Images<'_>) -> Result<u32, Trouble> {
     let mut free = 0;
     for baud in LOSS_FREE {
@@ -138,7 +138,7 @@ fn loss_free_baud(images: &Images<'_>) -> Result<u32, Trouble> {
     Ok(free)
 }
 
-/// Instructions in so many microseconds.
+/// The number of instructions in a number of microseconds.
 fn in_instructions(us: f64) -> f64 {
     rounded(us * f64::from(INSTRUCTIONS_HZ) / 1e6)
 }

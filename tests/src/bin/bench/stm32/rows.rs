@@ -4,7 +4,7 @@ use super::{BAUDS, COUNT, FOUR};
 use crate::table::Shown::{One, Range, Three};
 use crate::table::{ANSWER_GAP, DE_LAG, DE_LEAD, Row, Table, row, turnaround};
 
-/// The table.
+/// The table of the STM32.
 pub fn table() -> Table {
     let flashed = ["demo-unit", "registers", "conformance", "ports"].map(str::to_owned);
     let run = BAUDS.map(|baud| format!("registers-{COUNT}@{baud}"));

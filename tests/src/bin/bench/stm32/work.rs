@@ -85,9 +85,9 @@ pub fn interrupts(machine: &Machine, handler: &str, name: &str, set: &mut Set) {
 
 /// Ports of `ports`, in the order of [`Stm32::wires`].
 pub const AS2: usize = 1;
-/// See [`AS2`].
+/// The index of port RS2.
 pub const RS2: usize = 2;
-/// See [`AS2`].
+/// The index of port RS4.
 pub const RS4: usize = 3;
 
 /// Registers of a port (`MB_xxx`), by number, and values.
@@ -102,7 +102,7 @@ const FORMAT: u16 = 23;
 pub struct Managed {
     /// All of it.
     pub bus: Bus,
-    /// The STM32.
+    /// The STM32 on the bus.
     pub machine: MachineId,
     /// On AS1, AS2 and RS2.
     pub hosts: [HostId; 3],

@@ -17,7 +17,7 @@ pub(super) struct Sending {
     pub(super) done: bool,
 }
 
-/// The chip.
+/// The chip with its machine.
 pub struct Chip {
     pub settings: Settings,
     pub now: u64,
@@ -31,7 +31,7 @@ pub struct Chip {
     pub incoming: usize,
     pub complete: usize,
     pub lent: Option<usize>,
-    /// What was complete, to see that nobody has touched it when it is fetched.
+    /// The complete frame, to check that it is unchanged when it is read.
     pub(super) kept: Option<(u8, Adu)>,
     pub ascii: Option<Ascii>,
     pub(super) adu: Adu,
@@ -46,7 +46,7 @@ pub struct Chip {
     pub(super) rounds: u64,
     pub(super) alarm_enabled: bool,
     pub(super) sending: Option<Sending>,
-    /// A character that nobody has taken out of the receiver.
+    /// A character that was not read from the receiver.
     pub(super) waiting: Option<u8>,
 }
 

@@ -83,7 +83,7 @@ impl Settings {
     }
 }
 
-/// A character that somebody else sends.
+/// A character of another station.
 #[derive(Clone, Copy, Debug)]
 pub struct Char {
     /// Where its start bit begins.
@@ -158,7 +158,7 @@ impl Bus {
         bus
     }
 
-    /// The end of the last character that anybody has sent or is going to.
+    /// The end of the last character that was or will be sent.
     pub fn last_end(&self) -> u64 {
         let chip = &self.chip;
         let heard = chip
@@ -166,7 +166,7 @@ impl Bus {
             .last()
             .map_or(0, |last| last.start + chip.settings.character);
         let said = chip.talks.last().map_or(0, |talk| talk.end);
-        // Not over yet: nobody knows when it will be.
+        // It is still being sent, and its end is unknown.
         heard.max(if said == u64::MAX { 0 } else { said })
     }
 
@@ -192,7 +192,7 @@ impl Bus {
         fetched
     }
 
-    /// Lends the buffer to somebody who wants to transmit, as with [`LineMachine::take_buffer`].
+    /// Lends the buffer for a transmission, as with [`LineMachine::take_buffer`].
     pub fn take_buffer(&mut self) -> bool {
         let taken = self.machine.take_buffer();
         if taken {

@@ -28,12 +28,12 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
         (
             "baud_slow",
             port(".baud(1_200)"),
-            "port RS4: baud is 1200, too long for one turn of Timer1: the line must be of type Rs485Slow or Rs485AsciiSlow",
+            "port RS4: baud is 1200, a silence is too long for one turn of Timer1: the line must be of type Rs485Slow or Rs485AsciiSlow",
         ),
         (
             "gap_long",
             port(".baud(38_400).inter_character(InterCharacter::Gap(50))"),
-            "port RS4: inter_character gap is 50, too long for one turn of Timer1: the line must be of type Rs485Slow or Rs485AsciiSlow",
+            "port RS4: inter_character gap is 50, a silence is too long for one turn of Timer1: the line must be of type Rs485Slow or Rs485AsciiSlow",
         ),
         (
             "slow_right",

@@ -55,7 +55,7 @@ pub fn run(tally: &mut Tally) {
 fn wrong(source: &str) -> Vec<(usize, String)> {
     first_paragraphs(source)
         .into_iter()
-        .filter_map(|(line, text)| Some((line, fault(&text)?)))
+        .filter_map(|(line, text)| Some((line, fault(text.trim())?)))
         .collect()
 }
 
@@ -151,7 +151,7 @@ mod tests {
         assert_eq!(lines("/// Which.\nx: u8,\n/// Parity.\ny: u8,\n"), [1, 3]);
         assert_eq!(lines("/// The bytes.\n"), [1]);
         assert_eq!(lines("/// Bits per\n/// second.\n"), [0; 0]);
-        assert_eq!(lines("/// # Panics\n/// At compile time.\n"), [0; 0]);
+        assert_eq!(lines("///\n/// # Panics\n/// At compile time.\n"), [0; 0]);
     }
 
     #[test]

@@ -123,7 +123,7 @@ fn a_readme_of_a_package_stands_without_the_repository_and_its_code_is_compiled(
         "protocol/src/lib.rs",
         "README",
         "CHANGELOG",
-        "Rust code has <!-- from: PATH:ANCHOR -->",
+        "Rust code must have <!-- from: PATH:ANCHOR -->",
     );
     assert_fault(
         "board-nano/embassy-avr-hal/README.md",

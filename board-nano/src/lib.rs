@@ -108,8 +108,7 @@ impl<DE, const CLOCK_HZ: u32, F> OfUsart for ChipLine<Usart0<DE, CLOCK_HZ, F>> {
 }
 
 /// The rule for a silence that only a slow line can count.
-const TOO_LONG: &str =
-    "a silence is too long for one turn of Timer1: the line must be of type Rs485Slow or Rs485AsciiSlow";
+const TOO_LONG: &str = "a silence is too long for one turn of Timer1: the line must be of type Rs485Slow or Rs485AsciiSlow";
 
 /// The line settings of a port at the Nano's clock, for a `const`. A setting that the chip does not support stops the
 /// build.

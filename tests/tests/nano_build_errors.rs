@@ -143,6 +143,26 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
             "",
         ),
         (
+            "uart_not_bound",
+            format!("bind_interrupts!(struct Irqs {{ USART0 => Usart0<PD2, 16_000_000>; }});\n{UART}"),
+            "the interrupts of the UART are not bound: name UART in bind_interrupts!",
+        ),
+        (
+            "uart_beside_the_line",
+            format!("bind_interrupts!(struct Irqs {{ USART0 => Usart0<PD2, 16_000_000>; UART; }});\n{UART}"),
+            "the name `__vector_18` is defined multiple times",
+        ),
+        (
+            "uart_right",
+            format!("bind_interrupts!(struct Irqs {{ UART; }});\n{UART}"),
+            "",
+        ),
+        (
+            "uart_baud",
+            "const _: Config = Config::fixed(16_000_000, 921_600, LineFormat::F8N1);".to_owned(),
+            "baud is 921600, the clock does not make it within 2.5 %, nearest is 1000000",
+        ),
+        (
             "eeprom_not_bound",
             "bind_interrupts!(struct Irqs { INT0; });\n\
              pub fn take(registers: pac::EEPROM) -> Eeprom { Eeprom::new(registers, Irqs) }"
@@ -193,7 +213,7 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
         (
             "bound_unknown",
             "bind_interrupts!(struct Irqs { USART1; });".to_owned(),
-            "bind_interrupts! does not know `USART1;`: must be some of `USART0 => TYPE;`, `WATCHDOG;`, `EEPROM;`, `INT0;`, `INT1;`, `PCINT2;`, `TIME => HZ;`, each once",
+            "bind_interrupts! does not know `USART1;`: must be some of `USART0 => TYPE;`, `UART;`, `WATCHDOG;`, `EEPROM;`, `INT0;`, `INT1;`, `PCINT2;`, `TIME => HZ;`, each once",
         ),
         (
             "bound_twice",
@@ -207,8 +227,14 @@ fn cases() -> Vec<(&'static str, String, &'static str)> {
 
 /// What takes the token of the line.
 const OPEN: &str = "type Line = Usart0<PD2, 16_000_000>;
-pub fn open(chip: pac::Peripherals, pins: Pins, settings: Settings<RtuOnly>) -> Line {
-    Line::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, Irqs, settings)
+pub fn open(chip: pac::Peripherals, pins: Pins) -> Line {
+    Line::new(chip.USART0, &chip.TC1, pins.PD0, pins.PD1, pins.PD2, Irqs)
+}";
+
+/// What takes the token of the UART.
+const UART: &str = "pub fn open(chip: pac::Peripherals, pins: Pins, config: Config, tx: &'static mut [u8; 32], rx: &'static mut [u8; 32]) \
+    -> BufferedUart {
+    BufferedUart::new(chip.USART0, pins.PD0, pins.PD1, Irqs, config, tx, rx)
 }";
 
 /// Two tasks that wait for time, as far as the macro looks at them.
@@ -221,6 +247,7 @@ use board_nano::{Board, Rs485, Watchdog, settings};
 use embassy_avr_hal::edge::EdgeInput;
 use embassy_avr_hal::eeprom::Eeprom;
 use embassy_avr_hal::gpio::{Input, Output, PD2, PD4, Pins};
+use embassy_avr_hal::uart::{BufferedUart, Config, LineFormat};
 use embassy_avr_hal::usart::{Delayed, RtuOnly, Settings, Slow, Usart0};
 use embassy_avr_hal::{bind_interrupts, executor, pac};
 use multidrop::{PortConfig, Roll};
@@ -282,7 +309,7 @@ fn a_setting_that_the_nano_does_not_support_stops_the_build() {
     let mut package = format!(
         "cargo-features = [\"panic-immediate-abort\"]\n\n[package]\nname = \"cases\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
          [workspace]\n\n[lib]\npath = \"lib.rs\"\n\n[dependencies]\nboard-nano = {{ path = {:?} }}\n\
-         embassy-avr-hal = {{ path = {:?} }}\nmultidrop = {{ path = {:?} }}\n\n",
+         embassy-avr-hal = {{ path = {:?}, features = [\"modbus\"] }}\nmultidrop = {{ path = {:?} }}\n\n",
         path(&board),
         path(&board.join("embassy-avr-hal")),
         path(&root.join("firmware")),

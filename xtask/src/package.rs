@@ -19,10 +19,7 @@ const HAL: &str = "embassy-avr-hal";
 const HAL_FOLDER: &str = "board-nano/embassy-avr-hal";
 
 /// What takes the place of what is not published yet, for the HAL: package and folder.
-const NOT_PUBLISHED: [(&str, &str); 2] = [
-    ("multidrop-protocol", "protocol"),
-    ("multidrop", "firmware"),
-];
+const NOT_PUBLISHED: [(&str, &str); 1] = [("multidrop-protocol", "protocol")];
 
 /// Where cargo and we unpack packages, from the root. Cargo looks for no workspace above a folder of this name.
 const UNPACKED: &str = "target/package";
@@ -78,10 +75,21 @@ pub fn run(tally: &mut Tally, toolchain: Option<&Toolchain>) {
     check(tally, &format!("contents of the package {HAL}"), || {
         look_through(folder.insert(unpack(&of_chip, HAL)?))
     });
-    check(tally, &format!("{HAL} built from its package"), || {
-        let folder = folder.ok_or_else(|| Error::failed("there is no package"))?;
-        repo::run(hal(toolchain, &["build", "--release"]).current_dir(folder))
-    });
+    for (name, features) in [
+        (format!("{HAL} built from its package"), &[][..]),
+        (
+            format!("{HAL} built from its package with the line"),
+            &["--features", "modbus"],
+        ),
+    ] {
+        check(tally, &name, || {
+            let folder = folder.as_ref();
+            let folder = folder.ok_or_else(|| Error::failed("there is no package"))?;
+            let mut build = hal(toolchain, &["rustc", "--release"]);
+            build.args(features).args(["--", "-D", "warnings"]);
+            repo::run(build.current_dir(folder))
+        });
+    }
 }
 
 /// The chip's cargo with the settings of the board, and with the folders of this repository for what is not published yet.

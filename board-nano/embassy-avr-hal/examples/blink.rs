@@ -8,7 +8,6 @@ use embassy_avr_hal::{bind_interrupts, executor, pac};
 use embassy_time::{Duration, Ticker, Timer};
 use embedded_hal::digital::StatefulOutputPin;
 
-// ANCHOR: blink
 bind_interrupts!(struct Irqs { TIME => 16_000_000; });
 
 /// Keeps the beat: no drift.
@@ -39,7 +38,6 @@ fn main() -> ! {
         spawner.spawn(wait(Output::new(pins.PB4, false)).unwrap());
     })
 }
-// ANCHOR_END: blink
 
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo) -> ! {

@@ -35,6 +35,7 @@ use crate::executor::EDGE;
 use crate::gpio::{Input, PD2, PD3, PD4, PD5, PD6, PD7, Pin};
 pub use external::{Int0, Int1};
 pub use port_d::PortD;
+#[cfg(feature = "modbus")]
 pub(crate) use port_d::{clear_start_bit, has_waits, on_character, start_bit_seen};
 
 /// The edges that end a wait.

@@ -3,12 +3,15 @@
 //! A byte takes 3.4 ms to write; the EEPROM-ready interrupt wakes the task for the next one. Bytes
 //! that already have the right value are skipped, since each cell endures 100 000 writes. `EEPROM` in
 //! [`bind_interrupts!`](crate::bind_interrupts) binds the interrupt.
+//!
+//! [`Eeprom::read`] and [`Eeprom::write`] are async; with the traits of `embedded-storage` it reads and writes blocking.
 
 use core::arch::asm;
 use core::future::poll_fn;
 use core::task::Poll;
 
 use embassy_sync::waitqueue::AtomicWaker;
+use embedded_storage::{ReadStorage, Storage};
 
 use crate::pac::EEPROM;
 
@@ -76,9 +79,7 @@ impl Eeprom {
         check(address, bytes.len())?;
         for (address, &byte) in (address..).zip(bytes) {
             self.ready().await;
-            if self.get(address) != byte {
-                self.put(byte);
-            }
+            self.renew(address, byte);
         }
         self.ready().await;
         Ok(())
@@ -87,7 +88,7 @@ impl Eeprom {
     /// Waits until no write is under way.
     async fn ready(&mut self) {
         poll_fn(|context| {
-            if self.registers.eecr().read().bits() & EEPE == 0 {
+            if !self.is_writing() {
                 return Poll::Ready(());
             }
             READY.register(context.waker());
@@ -97,12 +98,29 @@ impl Eeprom {
         .await;
     }
 
+    /// Blocks until no write is under way.
+    fn block(&mut self) {
+        while self.is_writing() {}
+    }
+
+    /// EEPE (DS 8.6.3).
+    fn is_writing(&self) -> bool {
+        self.registers.eecr().read().bits() & EEPE != 0
+    }
+
     /// Reads one byte; no write may be under way.
     fn get(&mut self, address: u16) -> u8 {
         // SAFETY: the address was checked.
         self.registers.eear().write(|w| unsafe { w.bits(address) });
         self.control(EERE);
         self.registers.eedr().read().bits()
+    }
+
+    /// Starts to write one byte, if another one is there; no write is under way.
+    fn renew(&mut self, address: u16, byte: u8) {
+        if self.get(address) != byte {
+            self.put(byte);
+        }
     }
 
     /// Starts to write one byte to the address of the last [`get`](Self::get).
@@ -133,6 +151,43 @@ impl Eeprom {
     }
 }
 
+/// Blocking, awake: for before the executor runs, or for what takes any storage. No interrupt is needed, and none has to be on.
+///
+/// An address beyond 65535 is told as 65535.
+impl ReadStorage for Eeprom {
+    type Error = OutOfRange;
+
+    /// Reads `bytes.len()` bytes from `offset` on. It blocks for 3.4 ms at most, if a write of before is under way.
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), OutOfRange> {
+        let address = within(offset, bytes.len())?;
+        for (address, byte) in (address..).zip(bytes) {
+            self.block();
+            *byte = self.get(address);
+        }
+        Ok(())
+    }
+
+    /// [`SIZE`].
+    fn capacity(&self) -> usize {
+        usize::from(SIZE)
+    }
+}
+
+/// Blocking as [`ReadStorage`] is.
+impl Storage for Eeprom {
+    /// Writes `bytes` from `offset` on, 3.4 ms each where they differ; returns when the last one is safe. What power that goes finds
+    /// under way is erased; those behind it keep their old value.
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), OutOfRange> {
+        let address = within(offset, bytes.len())?;
+        for (address, &byte) in (address..).zip(bytes) {
+            self.block();
+            self.renew(address, byte);
+        }
+        self.block();
+        Ok(())
+    }
+}
+
 /// Enables or disables the EE READY interrupt, which comes as soon as no write is under way. It is level-triggered
 /// (DS 8.6.3, EERIE): if the write has ended before, it comes at once. `sbi` and `cbi` change this one bit (DS, notes
 /// to the register summary): a write of the whole register would put a 0 into EEPE while a byte is being written.
@@ -145,6 +200,12 @@ fn interrupt_when_ready(on: bool) {
             asm!("cbi 0x1F, 3", options(nomem, nostack, preserves_flags));
         }
     }
+}
+
+/// The address, if so many bytes from there on are within the EEPROM.
+fn within(offset: u32, len: usize) -> Result<u16, OutOfRange> {
+    let address = u16::try_from(offset).unwrap_or(u16::MAX);
+    check(address, len).map(|()| address)
 }
 
 fn check(address: u16, len: usize) -> Result<(), OutOfRange> {

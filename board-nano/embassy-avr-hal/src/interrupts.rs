@@ -37,6 +37,7 @@ pub trait Unwatched {}
 /// | written | binds | for |
 /// |---|---|---|
 /// | `USART0 => Rs485;` | the four interrupts of the line, to a [`Usart0`](crate::usart::Usart0) type (DS 12.4: vectors 12, 18, 19, 20, counted from 0), and what becomes of a [fault](crate::fault) | `Usart0::new` |
+/// | `UART;` | the interrupts of the [plain UART](crate::uart) (18, 19, 20), in place of `USART0` | [`BufferedUart::new`](crate::uart::BufferedUart::new) |
 /// | `WATCHDOG;` | the interrupt of the [watchdog](crate::watchdog) (6) | `Watchdog::start`, [`run_watched`](crate::executor::run_watched) |
 /// | `EEPROM;` | EE READY (22) | [`Eeprom::new`](crate::eeprom::Eeprom::new) |
 /// | `INT0; INT1; PCINT2;` | edges of PD2, of PD3, of PD4 to PD7 (1, 2, 5); some of the three | [`EdgeInput::new`](crate::edge::EdgeInput::new) |
@@ -96,6 +97,30 @@ macro_rules! bind_interrupts {
 
         // SAFETY: bound above.
         unsafe impl $crate::usart::Bound<$line> for $name {}
+
+        $crate::bind_interrupts!(@next $name time $time $watch, $($rest)*);
+    };
+    (@next $name:ident time $time:tt $watch:ident, UART; $($rest:tt)*) => {
+        #[unsafe(no_mangle)]
+        extern "avr-interrupt" fn __vector_18() {
+            // SAFETY: USART_RX.
+            unsafe { $crate::uart::Interrupts::on_character() }
+        }
+
+        #[unsafe(no_mangle)]
+        extern "avr-interrupt" fn __vector_19() {
+            // SAFETY: USART_UDRE.
+            unsafe { $crate::uart::Interrupts::on_ready() }
+        }
+
+        #[unsafe(no_mangle)]
+        extern "avr-interrupt" fn __vector_20() {
+            // SAFETY: USART_TX.
+            unsafe { $crate::uart::Interrupts::on_sent() }
+        }
+
+        // SAFETY: bound above.
+        unsafe impl $crate::uart::Bound for $name {}
 
         $crate::bind_interrupts!(@next $name time $time $watch, $($rest)*);
     };
@@ -185,7 +210,7 @@ macro_rules! bind_interrupts {
         compile_error!(concat!(
             "bind_interrupts! does not know `",
             stringify!($($wrong)+),
-            "`: must be some of `USART0 => TYPE;`, `WATCHDOG;`, `EEPROM;`, `INT0;`, `INT1;`, `PCINT2;`, `TIME => HZ;`, each once"
+            "`: must be some of `USART0 => TYPE;`, `UART;`, `WATCHDOG;`, `EEPROM;`, `INT0;`, `INT1;`, `PCINT2;`, `TIME => HZ;`, each once"
         ));
     };
     (@time $name:ident ()) => {

@@ -4,7 +4,8 @@
 //! |---|---|
 //! | [`executor`] | an executor that truly sleeps when idle and loses no wake-up |
 //! | [`interrupts`] | the token of what is bound, by [`bind_interrupts!`] |
-//! | [`usart`] | the USART as the [`Chip`](multidrop_protocol::line::Chip) of a line: frames by silence, DE, no task woken per byte |
+//! | [`usart`] | the USART as the [`Chip`](multidrop_protocol::line::Chip) of a line: frames by silence, DE, no task woken per byte; with the feature `modbus` |
+//! | [`uart`] | the USART as a plain UART: bytes, with the traits of `embedded-io` and `embedded-io-async` |
 //! | [`time`] | a driver for `embassy-time`, linked only where it is bound |
 //! | [`gpio`] | pins with the `embedded-hal` 1.0 traits |
 //! | [`edge`] | edges of port D's pins to wait for, with the trait of `embedded-hal-async` |
@@ -33,12 +34,15 @@ pub mod interrupts;
 #[cfg(not(feature = "bare"))]
 pub mod stack;
 pub mod time;
+pub mod uart;
+#[cfg(feature = "modbus")]
 pub mod usart;
 pub mod watchdog;
 
 #[cfg(target_arch = "avr")]
 mod mem;
 mod timer1;
+mod usart0;
 
 pub use avr_device::atmega328p as pac;
 pub use multidrop_protocol::baud::atmega as baud;

@@ -29,6 +29,7 @@ pub(crate) fn now() -> u16 {
 /// Bits of TIMSK1 and TIFR1 (DS 16.11.8, 16.11.9).
 pub(crate) const TOV1: u8 = 1 << 0;
 pub(crate) const OCF1A: u8 = 1 << 1;
+#[cfg(feature = "modbus")]
 pub(crate) const OCF1B: u8 = 1 << 2;
 
 /// Clears flags of TIFR1, by writing ones.

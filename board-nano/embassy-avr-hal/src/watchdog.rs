@@ -18,7 +18,9 @@ use crate::timer1::PRESCALER;
 #[cfg(not(feature = "bare"))]
 pub use running::feed;
 #[cfg(not(feature = "bare"))]
-pub(crate) use running::{frame_is_back, half_is_over, hasten};
+pub(crate) use running::hasten;
+#[cfg(all(feature = "modbus", not(feature = "bare")))]
+pub(crate) use running::{frame_is_back, half_is_over};
 
 /// Does nothing: there is no watchdog to feed.
 #[cfg(feature = "bare")]
@@ -98,6 +100,7 @@ pub fn stop() {
 
 #[cfg(not(feature = "bare"))]
 mod running {
+    #[cfg(feature = "modbus")]
     use core::cell::Cell;
 
     /// WDTCSR and its bits.
@@ -138,15 +141,19 @@ mod running {
     }
 
     /// How long a frame has been lent, counted at each half of the watchdog's time: in units of 1024 ticks.
+    #[cfg(feature = "modbus")]
     static LENT: Lent = Lent(Cell::new(0));
 
+    #[cfg(feature = "modbus")]
     struct Lent(Cell<u16>);
 
     // SAFETY: tasks and the executor's loop use it, one after the other.
+    #[cfg(feature = "modbus")]
     unsafe impl Sync for Lent {}
 
     /// Counts a half of the time, in units of 1024 ticks. Returns whether no frame is lent for longer than the
     /// longest frame takes, plus the watchdog's time, which is two halves, plus the half in which it was lent.
+    #[cfg(feature = "modbus")]
     #[inline(always)]
     pub fn half_is_over(half: u16, is_lent: bool, longest: u16) -> bool {
         // `frame_is_back` has set the time to 0.
@@ -159,6 +166,7 @@ mod running {
     }
 
     /// The frame was given back.
+    #[cfg(feature = "modbus")]
     #[inline(always)]
     pub fn frame_is_back() {
         LENT.0.set(0);

@@ -12,7 +12,12 @@ use core::task::Waker;
 use super::{Edge, Shared, Source, Waiting, sealed};
 use crate::executor::{self, EDGE};
 use crate::pac::EXINT;
+#[cfg(feature = "modbus")]
 use crate::usart::set_attention;
+
+/// Without a line nobody looks for start bits.
+#[cfg(not(feature = "modbus"))]
+fn set_attention(_: bool) {}
 
 /// PIND (DS 14.4.10) and RXD in it.
 const PIND: *const u8 = 0x29 as *const u8;
@@ -142,6 +147,7 @@ fn serve() {
 /// Whether RXD has changed since [`clear_start_bit`]. After a complete character the next change can only be a start
 /// bit (or noise), so this tells that a character has begun, a whole character before RXC does. The flag is set
 /// whether or not the interrupt is enabled (DS 13.2.5).
+#[cfg(feature = "modbus")]
 #[inline(always)]
 pub(crate) fn start_bit_seen() -> bool {
     if has_waits() {
@@ -155,12 +161,14 @@ pub(crate) fn start_bit_seen() -> bool {
 }
 
 /// Whether [`START`] is set.
+#[cfg(feature = "modbus")]
 #[inline(always)]
 fn has_seen_start() -> bool {
     IN_USE.get() != 0 && START.get() != 0
 }
 
 /// Clears the detector of start bits. A pin that has changed is still detected.
+#[cfg(feature = "modbus")]
 #[inline(always)]
 pub(crate) fn clear_start_bit() {
     if IN_USE.get() != 0 {
@@ -176,6 +184,7 @@ pub(crate) fn clear_start_bit() {
 }
 
 /// A character was received; its interrupt has cleared the flag.
+#[cfg(feature = "modbus")]
 #[inline(always)]
 pub(crate) fn on_character() {
     if has_waits() || has_seen_start() {

@@ -1,62 +1,14 @@
-//! The registers of USART0 (DS 20.11) and the pin-change flag that stands in for a start-bit detector.
+//! USART0 as the line uses it, and the pin-change flag that stands in for a start-bit detector.
 
 use multidrop_protocol::frame::ReceiveErrors;
 
 use super::settings::{Framings, Kept, Settings};
 use crate::edge;
-use crate::pac::{EXINT, USART0};
-
-/// Bits of UCSR0A.
-const TXC: u8 = 1 << 6;
-pub(super) const UDRE: u8 = 1 << 5;
-const FE: u8 = 1 << 4;
-const DOR: u8 = 1 << 3;
-const UPE: u8 = 1 << 2;
-
-/// Bits of UCSR0B.
-const RXCIE: u8 = 1 << 7;
-const TXCIE: u8 = 1 << 6;
-const UDRIE: u8 = 1 << 5;
-const RXEN: u8 = 1 << 4;
-const TXEN: u8 = 1 << 3;
+use crate::pac::EXINT;
+use crate::usart0::{DOR, FE, RXCIE, RXEN, TXCIE, TXEN, UDRIE, UPE, Usart};
 
 /// PCINT16, which is RXD, of PCMSK2 (DS 13.2.6): the start-bit detector is [`edge`](crate::edge)'s.
 const PCINT16: u8 = 1 << 0;
-
-/// The registers of USART0.
-pub(super) struct Usart;
-
-impl Usart {
-    #[inline(always)]
-    fn block() -> &'static crate::pac::usart0::RegisterBlock {
-        // SAFETY: the block exists at this address for the life of the program; it is touched by the
-        // interrupts of the line and, with interrupts off, by its futures.
-        unsafe { &*USART0::ptr() }
-    }
-
-    #[inline(always)]
-    pub fn status() -> u8 {
-        Self::block().ucsr0a().read().bits()
-    }
-
-    /// The character that has come in; to be read once.
-    #[inline(always)]
-    pub fn take() -> u8 {
-        Self::block().udr0().read().bits()
-    }
-
-    #[inline(always)]
-    pub fn put(byte: u8) {
-        // SAFETY: any byte may be sent.
-        Self::block().udr0().write(|w| unsafe { w.bits(byte) });
-    }
-
-    #[inline(always)]
-    fn control(bits: u8) {
-        // SAFETY: enable bits only; their handlers are bound with the line.
-        Self::block().ucsr0b().write(|w| unsafe { w.bits(bits) });
-    }
-}
 
 fn exint() -> &'static crate::pac::exint::RegisterBlock {
     // SAFETY: as for the USART; PCMSK2 is changed bit by bit.
@@ -116,10 +68,7 @@ pub(super) fn hold() {
 /// Clears the flag TXC.
 #[inline(always)]
 pub(super) fn clear_sent(kept: &Kept) {
-    // SAFETY: TXC is cleared by writing a one; U2X keeps its value.
-    Usart::block()
-        .ucsr0a()
-        .write(|w| unsafe { w.bits(TXC | kept.ucsra) });
+    Usart::clear_sent(kept.ucsra);
 }
 
 /// The last byte is in the USART: UDRE would interrupt for ever.

@@ -2,16 +2,14 @@
 
 use core::marker::PhantomData;
 
-use multidrop_protocol::format::{Framing, LineFormat, Parity};
+use multidrop_protocol::format::Framing;
 use multidrop_protocol::line::{LineConfig, LineError, Role};
 use multidrop_protocol::port_registers::Flow;
 use multidrop_protocol::timing::{Intervals, Sight, first_part, further_parts, whole};
 
 use crate::baud::{divisor, slowest};
 use crate::timer1::PRESCALER;
-
-/// Bits of UCSR0A (DS 20.11.2).
-pub(crate) const U2X: u8 = 1 << 1;
+use crate::usart0::{U2X, ucsrc};
 
 /// Ticks that pass at least between RXC and the reading of the timer in one interrupt (26 cycles), and
 /// between the alarm and the look at the start-bit detector in the other (45 cycles): 71 cycles make 8.9
@@ -270,16 +268,4 @@ impl<F: Framings> Settings<F> {
             t3_5: further_parts(t3_5),
         }
     }
-}
-
-/// Contents of UCSR0C (DS 20.11.4): parity in bits 5 and 4, stop bits in bit 3, data bits in 2 and 1.
-const fn ucsrc(format: LineFormat) -> u8 {
-    let parity = match format.parity() {
-        Parity::None => 0b00,
-        Parity::Even => 0b10,
-        Parity::Odd => 0b11,
-    };
-    let stop = format.stop_bits() - 1;
-    let size = format.data_bits() - 5;
-    parity << 4 | stop << 3 | size << 1
 }

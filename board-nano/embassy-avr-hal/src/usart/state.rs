@@ -14,12 +14,13 @@ use multidrop_protocol::timing::PART;
 
 use super::character::{Hot, set_attention};
 use super::parts::{AsciiState, DelayState};
-use super::registers::{self, Usart};
+use super::registers;
 use super::settings::{Delaying, Framings, Kept, Long, Settings};
 use crate::edge;
 use crate::executor;
 use crate::gpio::DriverEnable;
 use crate::timer1;
+use crate::usart0::{UDRE, Usart};
 
 /// The buffer, apart from [`State`] so that it starts as zeros and takes no flash.
 pub(super) struct AduCell(UnsafeCell<Adu>);
@@ -421,7 +422,7 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<DE, F> {
 
     #[inline(always)]
     fn is_ready(&mut self) -> bool {
-        Usart::status() & registers::UDRE != 0
+        Usart::status() & UDRE != 0
     }
 
     #[inline(always)]

@@ -10,13 +10,15 @@ use core::task::Poll;
 
 use embassy_avr_hal::eeprom::Eeprom;
 use embassy_avr_hal::{bind_interrupts, executor, pac};
+use embedded_storage::{ReadStorage, Storage};
 
 bind_interrupts!(struct Irqs { EEPROM; });
 
 /// The most bytes of one order.
 const ROOM: usize = 32;
 
-/// What to do: 1 reads, 2 writes, 3 begins to write and gives up. 0 where it is done.
+/// What to do: 1 reads, 2 writes, 3 begins to write and gives up. 4 reads and 5 writes, blocking; 6 and 7 do so 65536 bytes further on.
+/// 0 where it is done.
 #[unsafe(no_mangle)]
 static ORDER: AtomicU8 = AtomicU8::new(0);
 /// 1: it was done. 2: the range was refused.
@@ -58,6 +60,10 @@ async fn obey(mut eeprom: Eeprom) {
         let done = match order {
             1 => eeprom.read(address, bytes).await,
             2 => eeprom.write(address, bytes).await,
+            4 => ReadStorage::read(&mut eeprom, address.into(), bytes),
+            5 => Storage::write(&mut eeprom, address.into(), bytes),
+            6 => ReadStorage::read(&mut eeprom, u32::from(address) + 0x1_0000, bytes),
+            7 => Storage::write(&mut eeprom, u32::from(address) + 0x1_0000, bytes),
             _ => {
                 let mut write = pin!(eeprom.write(address, bytes));
                 match poll_fn(|context| Poll::Ready(write.as_mut().poll(context))).await {

@@ -103,7 +103,7 @@ impl Eeprom {
         while self.is_writing() {}
     }
 
-    /// EEPE (DS 8.6.3).
+    /// Returns whether a byte is being written: EEPE (DS 8.6.3).
     fn is_writing(&self) -> bool {
         self.registers.eecr().read().bits() & EEPE != 0
     }
@@ -151,9 +151,9 @@ impl Eeprom {
     }
 }
 
-/// Blocking, awake: for before the executor runs, or for what takes any storage. No interrupt is needed, and none has to be on.
+/// Blocks, awake, without interrupts: for use before the executor runs, and for drivers that take any storage.
 ///
-/// An address beyond 65535 is told as 65535.
+/// An error names an offset above 65535 as address 65535.
 impl ReadStorage for Eeprom {
     type Error = OutOfRange;
 
@@ -167,16 +167,16 @@ impl ReadStorage for Eeprom {
         Ok(())
     }
 
-    /// [`SIZE`].
+    /// Returns the number of bytes, [`SIZE`].
     fn capacity(&self) -> usize {
         usize::from(SIZE)
     }
 }
 
-/// Blocking as [`ReadStorage`] is.
+/// Blocks like [`ReadStorage`], and needs no interrupt.
 impl Storage for Eeprom {
-    /// Writes `bytes` from `offset` on, 3.4 ms each where they differ; returns when the last one is safe. What power that goes finds
-    /// under way is erased; those behind it keep their old value.
+    /// Writes `bytes` from `offset` on, 3.4 ms each where they differ; returns when the last one is safe. If power is lost, the byte
+    /// under way is erased, and those behind it keep their old value.
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), OutOfRange> {
         let address = within(offset, bytes.len())?;
         for (address, &byte) in (address..).zip(bytes) {
@@ -202,7 +202,7 @@ fn interrupt_when_ready(on: bool) {
     }
 }
 
-/// The address, if so many bytes from there on are within the EEPROM.
+/// Returns `offset` as an address, if `len` bytes from there on are within the EEPROM.
 fn within(offset: u32, len: usize) -> Result<u16, OutOfRange> {
     let address = u16::try_from(offset).unwrap_or(u16::MAX);
     check(address, len).map(|()| address)

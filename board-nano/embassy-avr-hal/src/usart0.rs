@@ -20,7 +20,7 @@ pub(crate) const UDRIE: u8 = 1 << 5;
 pub(crate) const RXEN: u8 = 1 << 4;
 pub(crate) const TXEN: u8 = 1 << 3;
 
-/// USART0.
+/// The registers of USART0.
 pub(crate) struct Usart;
 
 impl Usart {
@@ -48,7 +48,7 @@ impl Usart {
         Self::block().udr0().write(|w| unsafe { w.bits(byte) });
     }
 
-    /// Sets UCSR0B.
+    /// Sets the control register UCSR0B.
     #[inline(always)]
     pub fn control(bits: u8) {
         // SAFETY: enable bits only; their handlers are bound with the driver.

@@ -54,7 +54,7 @@ fn with<R>(f: impl FnOnce(&mut State) -> R) -> R {
 const LISTEN: u8 = RXCIE | RXEN | TXEN;
 
 impl State {
-    /// An error that belongs behind the bytes that are there; with what is not told yet, if there is any.
+    /// Notes an error behind the bytes that are stored. If an earlier one is not yet reported, it is reported with that.
     #[inline(always)]
     fn note(&mut self, errors: u8) {
         if self.errors == 0 {
@@ -63,7 +63,7 @@ impl State {
         self.errors |= errors;
     }
 
-    /// The bytes, one after the other, or the error, that come next.
+    /// Returns the next bytes, as far as they lie one after the other, or the next error.
     fn next(&mut self) -> Option<Result<(*const u8, u8), Error>> {
         let most = if self.errors == 0 { 255 } else { self.good };
         match self.rx.full(most) {
@@ -76,7 +76,7 @@ impl State {
         }
     }
 
-    /// So many bytes were read: no more than come before an error.
+    /// Removes `count` bytes that were read, at most those in front of an error.
     fn consume(&mut self, count: u8) {
         if self.errors == 0 {
             return self.rx.consume(count);
@@ -214,7 +214,7 @@ impl BufferedUart {
 }
 
 impl BufferedUartRx {
-    /// What comes next, if anything has.
+    /// Returns the next bytes or the next error, if there is one.
     fn next(&mut self) -> Option<Result<&[u8], Error>> {
         let next = with(State::next)?;
         // SAFETY: the interrupt leaves these bytes alone until they are consumed, for which `self` is needed again.
@@ -225,7 +225,7 @@ impl BufferedUartRx {
         )
     }
 
-    /// Copies what comes next, if anything has.
+    /// Copies the next bytes, or returns the next error, if there is one.
     fn copy(&mut self, into: &mut [u8]) -> Option<Result<usize, Error>> {
         let count = match self.next()? {
             Ok(bytes) => {
@@ -244,7 +244,7 @@ impl BufferedUartRx {
         with(|state| state.consume(count.min(255) as u8));
     }
 
-    /// Waits for what comes next. The waker is registered first: what comes between that and the look wakes.
+    /// Waits for a byte or an error. The waker is registered first: an interrupt between that and the look wakes the task.
     async fn wait(&mut self) {
         poll_fn(|context: &mut Context<'_>| {
             RECEIVER.register(context.waker());
@@ -258,7 +258,7 @@ impl BufferedUartRx {
 }
 
 impl BufferedUartTx {
-    /// Copies what has room, if anything has.
+    /// Copies as many bytes as there is room for, if there is room.
     fn copy(&mut self, bytes: &[u8]) -> Option<usize> {
         let (room, len) = with(|state| state.tx.room());
         let count = bytes.len().min(usize::from(len));

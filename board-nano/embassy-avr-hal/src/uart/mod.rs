@@ -17,7 +17,7 @@
 //! # Full duplex
 //! There is no DE: both directions run at a time. [`flush`](embedded_io::Write::flush) returns when the last stop bit has left.
 
-/// What a UART of a transmitter `tx` and a receiver `rx` does by these.
+/// Implements the traits of `embedded-io` for a UART by its parts `tx` and `rx`.
 macro_rules! both {
     ($name:ident) => {
         impl embedded_io::ErrorType for $name {
@@ -67,7 +67,7 @@ use crate::baud::{Divisor, divisor};
 use crate::gpio::hold_rxd_high;
 use crate::usart0::{DOR, FE, U2X, UPE, Usart, ucsrc};
 
-/// What is wrong with what came in. The peer's or the wire's, but for [`Overrun`](Self::Overrun), which is the reader's.
+/// An error of reception. The peer or the wire is to blame, but for [`Overrun`](Self::Overrun), where the reader is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
     /// Characters were lost: they were read too late.
@@ -104,8 +104,7 @@ impl embedded_io::Error for Error {
 const ERRORS: u8 = FE | DOR | UPE;
 
 impl Error {
-    /// Of error bits, the one that says most: what is lost before what is damaged, and a character without its stop bit before one whose
-    /// parity is wrong.
+    /// Returns the gravest error among these bits: an overrun, else a framing error, else a parity error.
     fn of(bits: u8) -> Option<Self> {
         if bits & DOR != 0 {
             Some(Error::Overrun)

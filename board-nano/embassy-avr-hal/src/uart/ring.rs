@@ -48,7 +48,7 @@ impl Ring {
         self.len / 2
     }
 
-    /// The place so many behind `first`, which is `len` at most.
+    /// Returns the place `behind` bytes after `first`; `behind` is at most `len`.
     fn place(&self, behind: u8) -> u8 {
         let to_end = self.len - self.first;
         if behind >= to_end {
@@ -58,14 +58,14 @@ impl Ring {
         }
     }
 
-    /// Where the oldest bytes are, and how many lie there one after the other, of `most`.
+    /// Returns where the oldest bytes are, and how many lie there one after the other, at most `most`.
     pub fn full(&self, most: u8) -> (*const u8, u8) {
         let len = most.min(self.count).min(self.len - self.first);
         // SAFETY: `first` is below `len`; before `take` it is 0, and so is the offset.
         (unsafe { self.bytes.add(usize::from(self.first)) }, len)
     }
 
-    /// Where the next bytes go, and how many have room there one after the other.
+    /// Returns where the next bytes go, and how many have room there one after the other.
     pub fn room(&self) -> (*mut u8, u8) {
         let place = self.place(self.count);
         let len = (self.len - self.count).min(self.len - place);
@@ -73,12 +73,12 @@ impl Ring {
         (unsafe { self.bytes.add(usize::from(place)) }, len)
     }
 
-    /// So many bytes were written to where [`room`](Self::room) said, and no more than it said.
+    /// Adds `count` bytes, which were written to where [`room`](Self::room) said: at most as many as it said.
     pub fn commit(&mut self, count: u8) {
         self.count += count;
     }
 
-    /// So many of the oldest bytes were read, at most all.
+    /// Removes the `count` oldest bytes, or all of them if there are fewer.
     pub fn consume(&mut self, count: u8) {
         let count = count.min(self.count);
         self.first = self.place(count);

@@ -256,6 +256,26 @@ use multidrop::protocol::format::Framing;
 use multidrop::protocol::port_registers::{Duplex, Flow};
 ";
 
+/// A program that waits for a time, with what its `bind_interrupts!` names.
+fn waits(bound: &str) -> String {
+    format!(
+        "#![no_std]
+#![no_main]
+#![feature(abi_avr_interrupt)]
+board_nano::bind_interrupts!(struct Irqs {{ USART0 => board_nano::Rs485; {bound} }});
+multidrop::tasks! {{
+    static ROLL: Roll<Irqs>;
+    fn wait() = async {{ loop {{ embassy_time::Timer::after_millis(1).await }} }};
+}}
+#[avr_device::entry]
+fn main() -> ! {{
+    board_nano::init(Irqs);
+    board_nano::run(&ROLL, |spawner| spawner.spawn(wait().unwrap()))
+}}
+"
+    )
+}
+
 /// The compiler that the firmware is built with, as `cargo xtask` finds it.
 fn cargo() -> Command {
     let has = |name: &str| {
@@ -309,7 +329,8 @@ fn a_setting_that_the_nano_does_not_support_stops_the_build() {
     let mut package = format!(
         "cargo-features = [\"panic-immediate-abort\"]\n\n[package]\nname = \"cases\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
          [workspace]\n\n[lib]\npath = \"lib.rs\"\n\n[dependencies]\nboard-nano = {{ path = {:?} }}\n\
-         embassy-avr-hal = {{ path = {:?}, features = [\"modbus\"] }}\nmultidrop = {{ path = {:?} }}\n\n",
+         embassy-avr-hal = {{ path = {:?}, features = [\"modbus\"] }}\nmultidrop = {{ path = {:?} }}\n\
+         avr-device = {{ version = \"0.8\", features = [\"atmega328p\", \"rt\"] }}\nembassy-executor = \"0.10\"\nembassy-time = \"0.5\"\n\n",
         path(&board),
         path(&board.join("embassy-avr-hal")),
         path(&root.join("firmware")),
@@ -319,6 +340,13 @@ fn a_setting_that_the_nano_does_not_support_stops_the_build() {
         let file = folder.join(format!("examples/{name}.rs"));
         fs::write(file, format!("{IMPORTS}{source}\n")).unwrap();
         package += &format!("[[example]]\nname = {name:?}\ncrate-type = [\"lib\"]\n\n");
+    }
+    let programs = [
+        ("time_not_bound", waits("")),
+        ("time_bound", waits("TIME => board_nano::CLOCK_HZ;")),
+    ];
+    for (name, source) in &programs {
+        fs::write(folder.join(format!("examples/{name}.rs")), source).unwrap();
     }
     fs::write(folder.join("Cargo.toml"), package + profile).unwrap();
 
@@ -363,5 +391,19 @@ fn a_setting_that_the_nano_does_not_support_stops_the_build() {
             "{name}: {source}\n{errors:#?}\n{}",
             String::from_utf8_lossy(&output.stderr)
         );
+    }
+
+    // Who uses `embassy-time` finds out when the program is linked.
+    for (name, _) in &programs {
+        let output = cargo()
+            .current_dir(&folder)
+            .args(["build", "--release", "--example", name, "--target-dir"])
+            .arg(root.join("target/avr"))
+            .output()
+            .expect("cargo runs");
+        let text = String::from_utf8_lossy(&output.stderr);
+        let is_bound = *name == "time_bound";
+        assert_eq!(output.status.success(), is_bound, "{name}: {text}");
+        assert!(is_bound || text.contains("_embassy_time_now"), "{text}");
     }
 }

@@ -4,7 +4,7 @@
 //! several entries are due, they are read in the order of the list, starting behind the entry that was read last.
 //! Each is read once before any of them is read again, so an entry with a short period does not block one with a long
 //! period. A period that ends while its entry waits is skipped: the entry is read once, and next one period later. An
-//! entry whose unit has still to send a late answer [to a request of that kind](crate::client) lets the next entry go
+//! entry whose unit has still to send a late answer [to a request of that kind](mod@crate::client) lets the next entry go
 //! first.
 //!
 //! ```

@@ -72,7 +72,7 @@ struct Started {
     times: ClientConfig,
 }
 
-/// A port on line `L` with registers `P`, which are [`PortRegisters`]. `D` is [`Counted`](crate::Counted) if its
+/// A port on line `L` with registers `P`, which are [`PortRegisters`]. `D` is [`Counted`] if its
 /// server counts.
 ///
 /// `N` tasks can wait for the line: the port itself, and each task with a [client](Self::client) of it. If more wait,

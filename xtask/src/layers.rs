@@ -84,7 +84,6 @@ mod tests {
 
     #[test]
     fn the_crates_keep_to_it() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-        assert_eq!(check(root).unwrap(), Vec::<String>::new());
+        assert_eq!(check(crate::repo::root()).unwrap(), Vec::<String>::new());
     }
 }

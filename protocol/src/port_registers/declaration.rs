@@ -10,16 +10,16 @@
 /// NUMBER NAME Variant [index: Index]: Type in LOW..=HIGH of "CHOICES" => field = DEFAULT;
 /// ```
 ///
-/// | part | is |
+/// | part | meaning |
 /// |---|---|
 /// | `NUMBER` | the number on the wire: it never changes, and a new register takes the next free one |
 /// | `NAME` | the name without `MB_<port>_` |
 /// | `Variant` | its place in [`Register`](crate::port_registers::Register) |
-/// | `[index: Index]` | of an array: the type of its index |
-/// | `: Type` | what it takes in [`Value`](crate::port_registers::Value) |
-/// | `in LOW..=HIGH` | the numbers that it takes; a wrong one is told them |
-/// | `of "CHOICES"` | what a wrong number is told where there are only a few; with neither the register is read only |
-/// | `=> field = DEFAULT` | of `port` its field in `PortSettings`, of `line` in `LineSettings`, and what it is at first |
+/// | `[index: Index]` | for an array: the type of its index |
+/// | `: Type` | the type of its value in [`Value`](crate::port_registers::Value) |
+/// | `in LOW..=HIGH` | the accepted numbers, which are in the message for a wrong one |
+/// | `of "CHOICES"` | the accepted numbers in words, for the message, if they are few; without `in` and `of` the register is read only |
+/// | `=> field = DEFAULT` | of `port` its field in `PortSettings`, of `line` in `LineSettings`, with the default |
 #[doc(hidden)]
 #[macro_export]
 macro_rules! port_registers {
@@ -31,12 +31,12 @@ macro_rules! port_registers {
                     /// 0 master, 1 slave, 2 off, 3 sniffer. 4, sensor node, is refused: it is not in this version.
                     0 MODE Mode: Mode of "0 (master), 1 (slave), 2 (off) or 3 (sniffer)" => mode = Mode::Slave;
 
-                    /// Address of the first item of dense REGS and COILS; the last item must not be behind 65535.
+                    /// Address of the first item of dense REGS and COILS; the last item must not be above 65535.
                     ///
                     /// Set it before the banks are made of the configuration.
                     2 BASE Base: u16 in 0..=65_535 => base = 0;
 
-                    /// A slave's own unit id; for a master the unit that it asks, 0..=247, where 0 is a broadcast.
+                    /// A slave's own unit id; for a master the unit id of its requests, 0..=247, where 0 is a broadcast.
                     ///
                     /// A slave has 1..=247 (SER 2.2).
                     5 SLAVEID SlaveId: u8 in 0..=247 => slave_id = 1;
@@ -44,18 +44,18 @@ macro_rules! port_registers {
                     /// How long a master waits from the end of its request to the beginning of the answer, in ms.
                     13 TIMEOUT Timeout: u16 in 1..=65_535 => timeout_ms = 1000;
 
-                    /// How often a master asks again.
+                    /// How often a master sends a request again.
                     14 RETRIES Retries: u8 in 0..=255 => retries = 0;
 
-                    /// How long a master sends nothing behind a broadcast, in ms.
+                    /// How long a master sends nothing after a broadcast, in ms.
                     ///
                     /// See SER 2.4.1.
                     15 TURNAROUND Turnaround: u16 in 0..=65_535 => turnaround_ms = 100;
 
-                    /// How long after a timeout a late answer is told from others, in ms; 0 means TIMEOUT.
+                    /// How long after a timeout a late answer is expected, in ms; 0 means TIMEOUT.
                     28 LATE_GUARD LateGuard: u16 in 0..=65_535 => late_guard_ms = 0;
 
-                    /// How long a master sends nothing behind an answer, in ms.
+                    /// How long a master sends nothing after an answer, in ms.
                     ///
                     /// For units that need a pause.
                     30 REQUEST_GAP RequestGap: u16 in 0..=65_535 => request_gap_ms = 0;
@@ -98,7 +98,7 @@ macro_rules! port_registers {
                     /// For transceivers and repeaters that need time to turn on. DE goes up at t3.5.
                     31 DE_LEAD DeLead: u16 in 0..=10_000 => de_lead_us = 0;
 
-                    /// How long a slave's answer waits after t3.5, in ms.
+                    /// How long a slave's answer is delayed after t3.5, in ms.
                     ///
                     /// For masters that let go of the bus late.
                     32 RESPONSE_DELAY ResponseDelay: u16 in 0..=1000 => response_delay_ms = 0;
@@ -111,13 +111,14 @@ macro_rules! port_registers {
                     /// The first element of REGS in a transaction.
                     7 REGOFF RegOff: u16 in 0..=65_535;
 
-                    /// How many registers. To write 1..=123, with FUNC 6 only 1, with FUNC 23 1..=121; a scan list takes 1..=65535.
+                    /// The number of registers. To write 1..=123, with FUNC 6 only 1, with FUNC 23 1..=121; a scan list takes
+                    /// 1..=65535.
                     8 REGCNT RegCnt: u16 in 1..=125;
 
                     /// The first coil of a transaction.
                     9 COILOFF CoilOff: u16 in 0..=65_535;
 
-                    /// How many coils. To write 1..=1968, with FUNC 5 only 1.
+                    /// The number of coils. To write 1..=1968, with FUNC 5 only 1.
                     10 COILCNT CoilCnt: u16 in 1..=2000;
                 }
                 arrays {
@@ -134,16 +135,16 @@ macro_rules! port_registers {
             // Without a type: read only, or a command.
             untyped {
                 results {
-                    /// How the transaction stands or ended: see STATUS.
+                    /// The state of the transaction, or its result: see STATUS.
                     11 STATUS Status;
 
                     /// The exception code of the last transaction, 0 for none.
                     12 ERROR Error;
 
-                    /// Transactions that ended well, modulo 65536.
+                    /// Successful transactions, modulo 65536.
                     16 DATAOK DataOk;
 
-                    /// Transactions that ended badly, modulo 65536.
+                    /// Failed transactions, modulo 65536.
                     17 DATAERR DataErr;
 
                     /// The registers of a rule on values: the first one times 65536 plus the last one.

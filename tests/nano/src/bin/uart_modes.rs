@@ -55,7 +55,11 @@ fn log_error(error: Error) {
 
 /// Keeps interrupts off while `HOLD` says so; whether it says anything.
 fn is_held() -> bool {
-    critical_section::with(|_| while HOLD.load(Relaxed) == 2 {});
+    critical_section::with(|_| {
+        while HOLD.load(Relaxed) == 2 {
+            core::hint::spin_loop();
+        }
+    });
     HOLD.load(Relaxed) != 0
 }
 

@@ -7,6 +7,11 @@
 //!
 //! With the feature `bus`, which builds the simulators: images, the rules of the bus, a rig of one node and one host, and
 //! what else runs firmware on the simulated bus.
+#![allow(
+    clippy::new_without_default,
+    clippy::should_implement_trait,
+    reason = "models at boot are no defaults, and a source of numbers is no iterator"
+)]
 
 pub mod frames;
 pub mod harness;

@@ -278,9 +278,9 @@ fn a_port_that_is_not_a_terminal_is_refused() {
     let chip = chip(SOLD);
     for (port, why) in [
         ("no/such/port", "there is no such port"),
-        ("lfuse", "is no serial port"),
-        (".", "is no serial port"),
-        ("/dev/null", "is no serial port"),
+        ("lfuse", "not a serial port"),
+        (".", "not a serial port"),
+        ("/dev/null", "not a serial port"),
     ] {
         assert_ends(&run(&chip, &format!("--port {port}")), 2, &[port, why]);
     }

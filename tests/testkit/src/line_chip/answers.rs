@@ -179,6 +179,49 @@ pub fn interrupts_that_come_late_shift_no_interval<T: ChipUnderTest>() {
     desk.is_at(sent[0].0, t3_5, "the answer");
 }
 
+/// Interrupts may be off for longer than an interval takes: an alarm that is set to a moment that has passed goes off at once.
+pub fn an_alarm_that_is_set_too_late_goes_off_at_once<T: ChipUnderTest>() {
+    let mut desk = Desk::<T>::silent(CONFIG);
+    desk.hear(&REQUEST);
+    desk.wait(desk.intervals.to_complete - 1);
+    desk.on.hold_interrupts(true);
+    desk.wait(1 + desk.intervals.to_stand() + desk.sight.latency);
+    desk.on.hold_interrupts(false);
+    desk.wait(1 + desk.sight.latency);
+    assert_eq!(desk.fetch(), Some(Ok(2)));
+    assert_eq!(
+        desk.verdict(),
+        Some(true),
+        "the alarm of the judgement went off"
+    );
+}
+
+/// Interrupts may be off until the transmitter has run empty before the last byte: DE stays up until that one is over.
+pub fn a_transmitter_that_has_run_empty_sends_the_rest<T: ChipUnderTest>() {
+    let mut desk = Desk::<T>::silent(CONFIG);
+    desk.hear_request();
+    desk.release(&ANSWER);
+    let (whole, _) = desk.character();
+    desk.wait(desk.intervals.to_start + 2 * whole + whole / 2);
+    desk.on.hold_interrupts(true);
+    desk.wait(whole + 3 * whole / 4);
+    desk.on.hold_interrupts(false);
+    desk.wait(4 * whole);
+    let sent = desk.on.sent();
+    let bytes: Vec<u8> = sent.iter().map(|&(_, byte)| byte).collect();
+    assert_eq!(bytes, [&ANSWER[..], &crc(&ANSWER)].concat());
+    let changes = desk.on.de_changes();
+    let [(_, true), (down, false)] = changes[..] else {
+        panic!("DE goes up and down: {changes:?}");
+    };
+    let took = down.wrapping_sub(sent[4].0);
+    let slack = desk.slack();
+    assert!(
+        (whole - slack..=whole + slack).contains(&took),
+        "DE goes down {took} ticks after the last start bit; a character is {whole}"
+    );
+}
+
 /// DE_LEAD, where the chip has it.
 pub fn de_goes_up_its_lead_before_the_first_character<T: ChipUnderTest>() {
     if !<T::Chip as Chip>::Wire::HAS_DELAYS {

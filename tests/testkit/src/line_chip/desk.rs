@@ -56,7 +56,9 @@ impl<T: ChipUnderTest> Desk<T> {
             receiver: Arc::default(),
             user: Arc::default(),
         };
-        desk.set_up(config).expect("the chip does this");
+        if let Err(error) = desk.set_up(config) {
+            panic!("the suite needs these settings of every chip: {error:?} for {config:?}");
+        }
         desk
     }
 

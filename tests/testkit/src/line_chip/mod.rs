@@ -38,7 +38,8 @@ pub trait ChipUnderTest: Sized {
     /// The timer of the line.
     fn now(&self) -> u32;
 
-    /// Time goes on until the timer is at `tick`, and all interrupts come when they are due.
+    /// Time goes on until the timer is at `tick`, and all interrupts come when they are due. Those that are due already, since a
+    /// task has changed something, come first.
     fn run_until(&mut self, tick: u32);
 
     /// Interrupts are off, or on again: those that were due come then.
@@ -47,7 +48,8 @@ pub trait ChipUnderTest: Sized {
     /// RXD falls: a start bit, or a bit of a character.
     fn falling_edge(&mut self);
 
-    /// A character has come in, and its interrupt is due. Nothing if the receiver is off.
+    /// A character has come in, and its interrupt is due: it comes now, if interrupts are not held. Nothing if the receiver is off.
+    /// The edges of the character were told by [`falling_edge`](ChipUnderTest::falling_edge).
     fn character(&mut self, byte: u8, errors: ReceiveErrors);
 
     /// The transmitter does not come to the end of the character that it sends.
@@ -80,7 +82,9 @@ macro_rules! line_chip_tests {
             an_answer_that_is_dropped_is_cut_off_behind_a_character
             nothing_is_heard_while_it_sends
             a_transmitter_that_stands_still_is_let_go_of
+            a_transmitter_that_has_run_empty_sends_the_rest
             interrupts_that_come_late_shift_no_interval
+            an_alarm_that_is_set_too_late_goes_off_at_once
             de_goes_up_its_lead_before_the_first_character
             an_answer_waits_for_its_delay
             where_gaps_are_allowed_a_frame_ends_at_t3_5

@@ -2,7 +2,7 @@
 //!
 //! A bit of a USART takes a whole number of clock cycles, which the divider sets in steps. What the divider
 //! of each chip can have is in [`atmega`] and [`stm32`]; all else is equal and stands here. All of it is `const` and in `u32`
-//! but for [`error_ppm`].
+//! but for `error_ppm`.
 
 pub mod atmega;
 pub mod stm32;

@@ -152,7 +152,8 @@ impl LineMachine {
     }
 
     /// A character came, with what the USART found wrong with it; `full` if the buffer has no room for it. The driver has set
-    /// the alarm to the end of the silence that would complete the frame.
+    /// the alarm to the end of the silence that would complete the frame. One that keeps a [`Reception`](crate::rtu::Reception)
+    /// says `false`: that finds a frame too long itself.
     ///
     /// Returns a byte that is to be stored. Where that was not [taken](Wire::take), it is the character before: the one that
     /// came is in the USART still, and the driver comes here with it once more.
@@ -475,8 +476,11 @@ impl LineMachine {
         }
     }
 
-    /// The transmitter has sent all it had, stop bit included. That is not the end if it was not given the next byte in time,
-    /// so a driver that has both to tell calls [`on_ready`](LineMachine::on_ready) first.
+    /// The transmitter has sent all it had, stop bit included. That is not the end if it was not given the next byte in time:
+    /// before the last byte is given this does nothing.
+    ///
+    /// A driver that has both to tell calls [`on_ready`](LineMachine::on_ready) first, and looks at the USART again: if that has
+    /// got a byte, the transmission is not complete any more, and this is not called.
     #[inline(always)]
     pub fn on_sent<W: Wire>(&mut self, wire: &mut W) {
         if !self.is_over(wire) {

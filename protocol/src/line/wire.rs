@@ -57,11 +57,14 @@ pub trait Wire {
     /// Clears the detector of start bits.
     fn clear_start_bit(&mut self);
     /// Sets the alarm to `interval` after the moment for which it last went off, or from now for [`Interval::T3_5`].
-    /// Returns whether there is anything to wait for.
+    /// If that moment has passed, the alarm goes off at once. Returns whether there is anything to wait for.
+    ///
+    /// This does not enable the alarm: [`alarm_on`](Wire::alarm_on) does.
     fn alarm(&mut self, interval: Interval) -> bool;
-    /// Enables the alarm that the driver sets with each character.
+    /// Enables the alarm, which [`alarm`](Wire::alarm) or the driver has set, with each character too.
     fn alarm_on(&mut self);
-    /// Disables the alarm until the next one is set.
+    /// Disables the alarm until [`alarm_on`](Wire::alarm_on), [`bound`](Wire::bound) or [`lead`](Wire::lead). The driver sets it
+    /// with each character meanwhile, and it does not go off.
     fn alarm_off(&mut self);
     /// Begins a new RTU frame, and drops the one that comes in.
     fn restart(&mut self);
@@ -72,7 +75,8 @@ pub trait Wire {
     /// Begins a transmission: receiver off, DE up, first character out.
     fn talk(&mut self, first: u8);
     /// Sets the limit of a transmission, which has begun, of `len` bytes of unit id, function code and data, or of
-    /// text: the alarm goes off after the time of their characters and of one more, or before.
+    /// text: the alarm goes off after the time of their [characters](crate::format::Framing::characters) and of one more, or
+    /// before. Enables the alarm.
     #[inline(always)]
     fn bound(&mut self, len: u8) {
         let _ = len;
@@ -96,18 +100,18 @@ pub trait Wire {
         true
     }
     /// Called when an answer is about to start. If DE must be up for some time before the first character: turns the
-    /// receiver off, raises DE, sets the alarm to the end of that time, and returns `true`.
+    /// receiver off, raises DE, sets the alarm to the end of that time, enables it, and returns `true`.
     #[inline(always)]
     fn lead(&mut self) -> bool {
         false
     }
     /// Whether the transmitter accepts another byte.
     fn is_ready(&mut self) -> bool;
-    /// Gives the transmitter a byte; the last one if `last`.
+    /// Gives the transmitter a byte; the last one if `last`. Behind that one the driver does what [`end`](Wire::end) does.
     fn put(&mut self, byte: u8, last: bool);
-    /// Tells that there are no more bytes to send.
+    /// Tells that there are no more bytes to send: the next interrupt is the end of the transmission.
     fn end(&mut self);
-    /// Takes DE down and turns the receiver on.
+    /// Takes DE down and turns the receiver on. Characters that wait in the USART are forgotten, and so are start bits.
     fn listen(&mut self);
     /// Does what [`listen`](Self::listen) does, and drops the character that the transmitter holds.
     #[inline(always)]

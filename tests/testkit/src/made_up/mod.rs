@@ -82,6 +82,7 @@ impl Settings {
 }
 // ANCHOR_END: settings
 
+// ANCHOR: driver
 /// The chip as it is set up, with the wakers of its tasks.
 pub struct Driver {
     hardware: Hardware,
@@ -99,6 +100,7 @@ pub struct Driver {
     receiver: Option<Waker>,
     user: Option<Waker>,
 }
+// ANCHOR_END: driver
 
 // ANCHOR: interrupts
 /// Machine and driver, which the interrupts and the tasks share.
@@ -145,11 +147,13 @@ impl Driver {
         }
     }
 
-    /// The alarm goes off so many ticks behind `from`.
+    // ANCHOR: alarm
+    /// The alarm goes off so many ticks behind `from`; at once, if that moment has passed.
     fn set_alarm(&mut self, from: u32, ticks: u32) {
         self.alarm_at = from.wrapping_add(ticks);
         self.hardware.set_compare(self.alarm_at);
     }
+    // ANCHOR_END: alarm
 
     // ANCHOR: push
     /// The next byte of an RTU frame.

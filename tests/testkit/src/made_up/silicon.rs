@@ -91,11 +91,13 @@ impl Hardware {
         self.ends = Some(self.now.wrapping_add(self.character));
     }
 
+    // ANCHOR: compare
     pub fn set_compare(&mut self, at: u32) {
         self.compare = at;
         // One that has passed already is not missed.
         self.compare_matched = self.now.wrapping_sub(at) as i32 >= 0;
     }
+    // ANCHOR_END: compare
 
     /// What happens next, and no later than at `at`.
     pub fn next_event(&self, at: u32) -> u32 {

@@ -185,7 +185,7 @@ pub fn an_alarm_that_is_set_too_late_goes_off_at_once<T: ChipUnderTest>() {
     desk.hear(&REQUEST);
     desk.wait(desk.intervals.to_complete - 1);
     desk.on.hold_interrupts(true);
-    desk.wait(1 + desk.intervals.to_stand() + desk.sight.latency);
+    desk.wait(2 + desk.intervals.to_stand() + desk.sight.latency);
     desk.on.hold_interrupts(false);
     desk.wait(1 + desk.sight.latency);
     assert_eq!(desk.fetch(), Some(Ok(2)));

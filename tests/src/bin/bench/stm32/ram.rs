@@ -19,7 +19,10 @@ const LINES: [&str; 2] = ["usart::state::SHARED", "usart::state::ADUS"];
 /// The ports of an application whose RAM is told: what they are called in figures, and their symbols.
 fn ports(app: &str) -> &'static [(&'static str, [&'static str; 3])] {
     match app {
-        "demo-unit" => &[("port", ["::SERVER_PORT_CELL", "::receive::POOL", "::serve::POOL"])],
+        "demo-unit" => &[(
+            "port",
+            ["::SERVER_PORT_CELL", "::receive::POOL", "::serve::POOL"],
+        )],
         "ports" => &[
             ("as1", ["::AS1", "::as1_receive::POOL", "::as1_run::POOL"]),
             ("as2", ["::AS2", "::as2_receive::POOL", "::as2_run::POOL"]),

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// Name, source, and what rustc has to say of it.
+/// Name, source, and the message of rustc: behind its code where it has one, as in `E0382: use of moved value`.
 type Case = (&'static str, String, &'static str);
 
 /// A port built so.
@@ -44,34 +44,41 @@ fn cases() -> Vec<Case> {
             frame(
                 "async fn f<L: Line>(frame: Frame<'_, L>) { _ = frame.release(3); _ = frame.release(4); }",
             ),
-            "use of moved value: `frame`",
+            "E0382: use of moved value: `frame`",
         ),
         (
             "frame_changes_after_release",
             frame(
                 "async fn f<L: Line>(mut frame: Frame<'_, L>) { let mut answer = frame.release(5); frame.adu()[2] = 0; answer.sent().await; }",
             ),
-            "borrow of moved value: `frame`",
+            "E0382: borrow of moved value: `frame`",
         ),
         (
             "released_frame_changes",
             frame("fn f<L: Line>(mut answer: Released<'_, L>) { answer.adu()[2] = 0; }"),
-            "no method named `adu` found for struct `multidrop::Released<'l, L>` in the current scope",
+            "E0599: no method named `adu` found for struct `multidrop::Released<'l, L>` in the current scope",
         ),
         (
             "line_is_no_lender",
             frame("fn f<L: Line>(line: &L) { line.give_back(); }"),
-            "this method takes 1 argument but 0 arguments were supplied",
+            "E0061: this method takes 1 argument but 0 arguments were supplied",
         ),
         (
             "key_is_ours",
             frame("fn f<L: Line>(line: &L) { line.give_back(Key(())); }"),
-            "cannot initialize a tuple struct which contains private fields",
+            "E0423: cannot initialize a tuple struct which contains private fields",
         ),
         (
             "frame_is_ours",
             frame("fn f<'l, L: Line>(line: &'l L) -> Frame<'l, L> { Frame(line) }"),
-            "cannot initialize a tuple struct which contains private fields",
+            "E0423: cannot initialize a tuple struct which contains private fields",
+        ),
+        (
+            "answer_on_its_way_changes",
+            frame(
+                "fn f(access: multidrop::protocol::server::Access<'_>) { use multidrop::protocol::server::Access; if let Access::Released(adu) = access { adu[0] = 1; } }",
+            ),
+            "E0594: cannot assign to `adu[_]`, which is behind a `&` reference",
         ),
         (
             "slave_id_0",
@@ -415,6 +422,11 @@ fn every_wrong_configuration_stops_the_build_with_its_message() {
             continue;
         }
         let errors = errors.unwrap_or_else(|| panic!("{name} was built: {source}"));
+        let (code, message) = match message.split_once(": ") {
+            Some((code, message)) if code.starts_with("E0") => (Some(code), message),
+            _ => (None, *message),
+        };
+        let code = code.map_or(String::new(), |code| format!("\"code\":{code:?}"));
         // As JSON has it; the message ends there, so nothing more is said.
         let whole = [
             format!("\"message\":\"evaluation panicked: {message}\""),
@@ -423,7 +435,7 @@ fn every_wrong_configuration_stops_the_build_with_its_message() {
         assert!(
             errors
                 .iter()
-                .any(|line| whole.iter().any(|whole| line.contains(whole))),
+                .any(|line| line.contains(&code) && whole.iter().any(|whole| line.contains(whole))),
             "{name}: {source}\n{errors:#?}"
         );
     }

@@ -13,7 +13,7 @@ pub const TICK_HZ_MAX: u32 = 55_000_000;
 /// Above this rate the silences are fixed instead of a multiple of the character time (SER 2.5.1.1).
 pub const FIXED_SILENCE_ABOVE_BAUD: u32 = 19_200;
 
-/// [`margin`] is this fraction of t3.5: about twice the difference between two clocks that are off by 1 % in opposite
+/// [`margin`] is t3.5 divided by this: about twice the difference between two clocks that are off by 1 % in opposite
 /// directions.
 const MARGIN_PART: u32 = 24;
 
@@ -71,19 +71,19 @@ const fn half_characters(halves: u32, format: LineFormat, baud: u32, tick_hz: u3
 pub struct Sight {
     /// Ticks per second of the timer that measures silence: at most [`TICK_HZ_MAX`].
     pub tick_hz: u32,
-    /// The most that is left of a character when its interrupt comes, in sixteenths of a bit: 0..=48. It is added, rounded up, so
-    /// that no interval is cut short.
+    /// The most that is left of a character when its interrupt comes, in sixteenths of a bit: 0..=48. This rest is added, rounded
+    /// up, so that no interval is cut short.
     pub rest: u32,
-    /// Ticks that pass at the least, in two interrupts together, before the timer is read for a character and before start bits
-    /// are looked at for an alarm. They are taken off.
+    /// The least ticks that pass in two interrupts together: before the timer is read for a character, and before the start-bit
+    /// detector is read for an alarm. These ticks are subtracted.
     pub latency: u32,
-    /// A client judges a frame this part of the time from t1.5 to t3.5 before t3.5: 2 for half of it. In that time it makes its
-    /// next request.
+    /// A client judges a frame before t3.5 by this part of the time from t1.5 to t3.5: 2 means half of it. The client makes its
+    /// next request in that time.
     pub client_part: u32,
 }
 
-/// The intervals of a line, in ticks of the timer that measures its silence: what
-/// [`Interval`](crate::line::Interval)s are made of.
+/// The intervals of a line, in ticks of the timer that measures its silence. A driver makes the
+/// [`Interval`](crate::line::Interval)s of the machine from them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Intervals {
     /// From the moment in which a character is taken from the USART to the end of the silence that completes its frame: t1.5,
@@ -98,7 +98,7 @@ pub struct Intervals {
 }
 
 impl Intervals {
-    /// Of a line that is not set up yet.
+    /// The intervals of a line that is not set up yet.
     pub const NONE: Intervals = Intervals {
         to_complete: 0,
         to_start: 0,
@@ -106,7 +106,7 @@ impl Intervals {
         t3_5: 0,
     };
 
-    /// Those of a line with these settings, whose baud is one that the chip makes.
+    /// The intervals of a line with these settings, for a baud rate that the chip makes.
     ///
     /// # Panics
     /// If `baud` is 0.
@@ -139,28 +139,28 @@ impl Intervals {
         }
     }
 
-    /// From the moment that completes an RTU frame to its judgement; 0 where they are one.
+    /// From the moment that completes an RTU frame to its judgement; 0 where both are the same moment.
     #[inline(always)]
     pub const fn to_stand(&self) -> u32 {
         self.t3_5 - self.to_start - self.to_complete
     }
 }
 
-/// A timer of 16 bits counts a long interval in parts: a [first one](first_part), and [further ones](further_parts) of so many
-/// ticks. A part that is left when another has been counted is never shorter than this, so that there is time to set it.
+/// Ticks of each further part. A timer of 16 bits counts a long interval in parts: a [first part](first_part) and [further
+/// parts](further_parts). After a part, the part that is left is never shorter than this, so that there is time to set it.
 pub const PART: u16 = 0x8000;
 
-/// Ticks of the first part: all of an interval that fits into 16 bits, else so many that the rest are whole [`PART`]s.
+/// Ticks of the first part: the whole interval if it fits into 16 bits, else the ticks that whole [`PART`]s leave over.
 pub const fn first_part(ticks: u32) -> u16 {
     (ticks - further_parts(ticks) as u32 * PART as u32) as u16
 }
 
-/// How many [`PART`]s there are behind the first one.
+/// The number of [`PART`]s after the first part.
 pub const fn further_parts(ticks: u32) -> u8 {
     (ticks / PART as u32).saturating_sub(1) as u8
 }
 
-/// The interval of these parts.
+/// The interval that these parts make up.
 pub const fn whole(first: u16, further: u8) -> u32 {
     first as u32 + further as u32 * PART as u32
 }
@@ -192,7 +192,7 @@ mod tests {
                 let t3_5 = t3_5(LineFormat::F8N1, baud, tick_hz);
                 let judged = t3_5 - margin(t3_5);
                 assert!(100 * judged > 95 * t3_5);
-                // Two clocks that are 1 % off, one each way, and as much again.
+                // Two clocks that are off by 1 % in opposite directions, and as much again.
                 assert!(100 * judged < 96 * t3_5);
             }
         }

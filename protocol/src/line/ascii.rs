@@ -1,42 +1,42 @@
-//! The rules of an ASCII line (SER 2.5.2): characters begin and end a frame, and silence only says when to give one up and when
-//! to answer.
+//! The rules of an ASCII line (SER 2.5.2): characters begin and end a frame. Silence only says when to give up a frame and when to
+//! answer.
 //!
 //! | phase | a character | the alarm |
 //! |---|---|---|
 //! | a frame comes in | `:` begins it anew, CR and delimiter end it: it stands | a second: it is damaged |
-//! | settled | `:` begins a frame, else t3.5 begins anew | t3.5: a released answer starts; silent |
-//! | silent, or sent | `:` begins a frame, else settled | t3.5: silent |
+//! | settled | `:` begins a frame, any other starts t3.5 anew | t3.5: a released answer starts; silent |
+//! | silent, or sent | `:` begins a frame, any other leads to settled | t3.5: silent |
 //! | sending | - (the receiver is off) | - |
 //!
-//! What the standard leaves open:
+//! The standard leaves these cases open:
 //!
-//! - A character that comes with a flaw is never a `:`, CR or delimiter. Outside a frame it is noise like any other.
-//! - A `:` inside a frame begins it anew. What came before was no frame and is not told, unless it was damaged already: a frame
-//!   whose end was damaged is told then, or when its second is over.
-//! - The buffer must be free when the first byte of a frame is whole, three characters after whatever was before.
-//! - Characters outside a frame put an answer off and do not prevent it; a `:` does, since somebody asks anew.
+//! - A character with a receive error never counts as `:`, CR or delimiter. Outside a frame it is noise like any other.
+//! - A `:` inside a frame begins the frame anew. The characters before it are no frame and are not reported, unless an error was
+//!   found in them: then the damaged frame is reported at the `:`, or when its second is over.
+//! - The buffer must be free when the first byte of a frame is whole, three characters after the end of the frame before.
+//! - Characters outside a frame delay an answer and do not prevent it. A `:` prevents it, since a client asks anew.
 
 use super::{Buffer, Interval, LineMachine, Phase, Verdict, Wire};
 use crate::ascii::{DELIMITER, Decoded, Reception, START, Transmission};
 use crate::frame::ReceiveErrors;
 
-/// [`Interval::Fortieth`]s of the second that may pass between two characters (SER 2.5.2.1), behind the first of them.
+/// [`Interval::Fortieth`]s of the second that may pass between two characters (SER 2.5.2.1), after the first one.
 const FORTIETHS: u8 = 39;
 
-/// What a line keeps for ASCII. Where it stands is the driver's choice: one that knows RTU only has none.
+/// The state of a line for ASCII. The driver chooses where to keep it: a driver for RTU only has none.
 #[derive(Debug)]
 pub struct Ascii {
     pub(super) reception: Reception,
     pub(super) transmission: Transmission,
-    /// Fortieths of a second left after the one that runs.
+    /// Fortieths of a second that are left after the current one.
     fortieths: u8,
     delimiter: u8,
-    /// The data bits of a character.
+    /// Mask of the data bits of a character.
     mask: u8,
 }
 
 impl Ascii {
-    /// With LF for delimiter.
+    /// Makes a state with LF as delimiter.
     pub const fn new() -> Ascii {
         Ascii {
             reception: Reception::new(DELIMITER),
@@ -47,17 +47,17 @@ impl Ascii {
         }
     }
 
-    /// Characters have 7 or 8 data bits; a delimiter has no more.
+    /// Sets the data bits of a character, 7 or 8. The delimiter has no more bits than a character.
     pub fn set_data_bits(&mut self, data_bits: u8) {
         self.mask = if data_bits == 7 { 0x7F } else { 0xFF };
     }
 
-    /// Changes the delimiter from the next frame on. One that comes in or is released already keeps its own.
+    /// Changes the delimiter from the next frame on. A frame that comes in, or is released already, keeps its delimiter.
     pub fn set_delimiter(&mut self, delimiter: u8) {
         self.delimiter = delimiter;
     }
 
-    /// Those of the frame that comes in.
+    /// The errors of the frame that comes in.
     pub(super) fn errors(&self) -> ReceiveErrors {
         self.reception.errors()
     }
@@ -66,7 +66,7 @@ impl Ascii {
         self.delimiter & self.mask
     }
 
-    /// An answer of `len` bytes is to be sent: its first character.
+    /// Prepares an answer of `len` bytes. Returns its first character.
     pub(super) fn prepare(&mut self, len: u8) -> u8 {
         let delimiter = self.delimiter();
         self.transmission.start(len, delimiter);
@@ -81,8 +81,8 @@ impl Default for Ascii {
 }
 
 impl LineMachine {
-    /// A character came on a line that is set up for ASCII, with what the USART found wrong with it. The driver has set the alarm
-    /// to [`Interval::Fortieth`] from now.
+    /// Handles a character on a line that is set up for ASCII, with the errors that the USART found in it. The driver has set the
+    /// alarm to [`Interval::Fortieth`] from now.
     #[inline]
     pub fn on_ascii_character<W: Wire>(
         &mut self,
@@ -118,7 +118,7 @@ impl LineMachine {
                 if self.buffer == Buffer::Free {
                     wire.store(at, byte);
                 } else {
-                    // The frame before is still being worked on.
+                    // A task still works on the frame before.
                     ascii.reception.add(ReceiveErrors::OVERRUN);
                 }
             }
@@ -161,7 +161,7 @@ impl LineMachine {
         }
     }
 
-    /// A part of the second is over in which another character may come.
+    /// Handles the end of a part of the second in which another character may come.
     pub(super) fn on_ascii_alarm<W: Wire>(&mut self, wire: &mut W) {
         let Some(ascii) = wire.ascii() else { return };
         if self.phase == Phase::Begun {
@@ -175,7 +175,7 @@ impl LineMachine {
                 Interval::Fortieth
             }
             None => {
-                // One that has begun by now is received within a character.
+                // A character that has begun by now is received within the time of one character.
                 self.phase = Phase::Begun;
                 Interval::Character
             }

@@ -1,34 +1,34 @@
-//! How a line is set up.
+//! The settings of a line.
 
 use crate::format::{Framing, LineFormat};
 use crate::port_registers::{Flow, InterCharacter, LineSettings, Mode, PortSettings};
 
-/// The part of a line in a transaction, which determines when a frame is judged.
+/// The part of a line in a transaction. It determines when a frame is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// [As close to t3.5 as two clocks allow](crate::timing::margin): a late part of a frame voids it, and
-    /// what begins at t3.5 is the request of a client.
+    /// [As close to t3.5 as two clocks allow](crate::timing::margin): a late part of a frame voids the frame, and a character that
+    /// begins at t3.5 begins the request of a client.
     Server,
-    /// Earlier, half way from t1.5 to t3.5, so that there is time to make the next request, which starts at t3.5.
-    /// Nobody else on the bus begins anything by itself; who does so before t3.5 holds the request back.
+    /// Earlier by a [part](crate::timing::Sight::client_part) of t1.5 to t3.5, so that there is time to make the next request,
+    /// which starts at t3.5. No other node begins to send by itself. A node that does so before t3.5 holds the request back.
     Client,
 }
 
-/// How a line is to be set up, at start or later.
+/// The settings that a line gets, at start or later.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineConfig {
     /// Bits per second.
     pub baud: u32,
-    /// RTU or ASCII; or text, where what is released goes out as it is.
+    /// RTU, ASCII, or text. Text is sent as it is, without a check.
     pub framing: Framing,
-    /// Data bits, parity and stop bits of a character: eight data bits for RTU (SER 2.5.1), for ASCII
-    /// any (SER 2.5.2 has 7E1 as default).
+    /// Data bits, parity and stop bits of a character: eight data bits for RTU (SER 2.5.1), any number for ASCII (SER 2.5.2 has 7E1
+    /// as default).
     pub format: LineFormat,
-    /// The rule for gaps inside a frame. ASCII has one of its own: up to a second (SER 2.5.2).
+    /// The rule for gaps inside a frame. ASCII has its own rule: gaps up to a second (SER 2.5.2).
     pub inter_character: InterCharacter,
-    /// Hardware flow control: with RTS/CTS nothing is sent as long as the peer does not let it.
+    /// Hardware flow control: with RTS/CTS the line sends nothing until the peer allows it.
     pub flow: Flow,
-    /// Who begins to talk.
+    /// Whether the line begins a transaction or answers.
     pub role: Role,
     /// With RTS/CTS: how long a frame waits for CTS before it is dropped, 1..=65535 ms.
     pub cts_timeout_ms: u16,
@@ -42,7 +42,7 @@ impl LineConfig {
     /// A server with the [default settings](PortSettings::DEFAULT).
     pub const DEFAULT: LineConfig = Self::of(Mode::Slave, &PortSettings::DEFAULT.line);
 
-    /// What a line has to be set up to for a port with this mode and these settings.
+    /// The settings of a line for a port with this mode and these settings.
     pub const fn of(mode: Mode, line: &LineSettings) -> LineConfig {
         LineConfig {
             baud: line.baud,
@@ -67,7 +67,7 @@ impl LineConfig {
 pub enum LineError {
     /// The clock does not make this rate within 2.5 %.
     Baud {
-        /// The nearest rate that it does make.
+        /// The nearest rate that the clock makes.
         nearest: u32,
     },
     /// The USART has no such character format, or the framing cannot use it: RTU needs eight data bits.

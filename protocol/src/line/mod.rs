@@ -1,28 +1,28 @@
 //! The rules by which a line turns silence into frames and sends answers (SER 2.5.1.1): a state machine without a clock.
 //!
-//! What is said here is true of RTU; [`ascii`] says what is different there.
+//! This page describes RTU, [`ascii`] the differences of ASCII. A frame is the run of characters between two silences of t3.5.
 //!
-//! The driver of a USART tells it what happened: a character came, the alarm went off, the transmitter is ready or done. It
-//! tells the driver what to do through [`Wire`]. Interrupts call the `on_...` methods, futures the others with interrupts
-//! off: those of every chip, by what is its [`Chip`].
+//! The driver of a USART tells the machine what happened: a character came, the alarm went off, the transmitter is ready or done.
+//! The machine tells the driver what to do through [`Wire`]. Interrupts call the `on_...` methods. Futures call the other methods
+//! with interrupts off; they reach the machine through the [`Chip`].
 //!
-//! A character is known to a USART when it is over. That one has *begun* within t1.5, or within t3.5, is known only a whole
-//! character later, unless the driver can see start bits ([`Wire::start_bit_seen`]). At t1.5 and at t3.5 the machine looks;
-//! if a character is under way it waits for it before it decides.
+//! A USART reports a character when it is over. A character that has *begun* within t1.5 or t3.5 shows only a whole character
+//! later, unless the driver can see start bits ([`Wire::start_bit_seen`]). The machine checks for a start bit at t1.5 and at t3.5.
+//! If a character is under way, the machine waits for its end before it decides.
 //!
-//! A client may send its next request exactly t3.5 after another server's answer, by a clock that is not ours. A driver
-//! therefore has the frame judged before t3.5 by [`margin`](crate::timing::margin), so that such a request is not taken for a
-//! late part of the frame before: that one stands, is carried out, and its answer is withdrawn. Answers start at t3.5 all the
-//! same. Only the character itself tells that it is one and no edge: an answer waits for it. The frame before has the buffer
-//! then, so the machine keeps the first character until a second one comes.
+//! A client may send its next request exactly t3.5 after another server's answer, measured by its own clock. A driver therefore has
+//! a frame judged before t3.5, by [`margin`](crate::timing::margin). A request that begins in this margin does not void the frame:
+//! the frame stands (is accepted) and is carried out, and its answer is withdrawn. Answers still start at t3.5. An edge on RXD may
+//! be noise until its character is complete, so an answer waits for that character. A task still has the buffer with the frame
+//! then, so the machine keeps the first character of the next frame until the second character comes.
 //!
 //! | phase | a character | the alarm |
 //! |---|---|---|
 //! | a frame comes in | is stored | t1.5: the frame is complete, lent as provisional |
 //! | complete | voids the frame | t3.5 less the margin: the frame stands |
-//! | settled | begins a frame | t3.5: a released answer starts; a start bit is waited for |
+//! | settled | begins a frame | t3.5: a released answer starts, or waits while a start bit becomes a character |
 //! | silent | begins a frame | - |
-//! | sending | - (the receiver is off) | what is sent takes too long: the bus is let go of |
+//! | sending | - (the receiver is off) | the transmission takes too long: the driver leaves the bus |
 //! | sent | begins a frame | t3.5: silent |
 
 pub mod ascii;
@@ -48,60 +48,60 @@ enum Phase {
     Complete,
     /// A frame is complete, and a start bit was seen when the alarm went off.
     CompleteBegun,
-    /// The frame stands; t3.5 is near.
+    /// The frame stands, and t3.5 is near.
     Settled,
     Silent,
-    /// DE is up, and the first character not on its way yet.
+    /// DE is up, and the first character has not started yet.
     Leading,
     Sending,
     Sent,
 }
 
-/// What became of the frame that is lent, or is about to be.
+/// The verdict over the frame that is lent, or is about to be lent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 enum Verdict {
     None,
     Pending,
     Stands,
-    /// The frame stands, but it is too late for an answer: another station has sent since.
+    /// The frame stands, but an answer comes too late: another station has sent since.
     Late,
-    /// It stood, and what was released was cut off.
+    /// The frame stands, and the released bytes were cut off.
     Cut,
-    /// It stood, and what was released is on the wire, or has been.
+    /// The frame stands, and the released bytes are on the wire or have been sent.
     Sent,
     Void,
 }
 
-/// Who has the buffer.
+/// The owner of the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 enum Buffer {
-    /// The line: the next frame may be stored.
+    /// The line owns the buffer and may store the next frame.
     Free,
-    /// The line, with a complete frame in it.
+    /// The line owns the buffer, which holds a complete frame.
     Full,
-    /// A task has it.
+    /// A task owns the buffer.
     Lent,
 }
 
-/// One line. See the module.
+/// The state machine of one line, as the [module](self) describes it.
 #[derive(Debug)]
 pub struct LineMachine {
     phase: Phase,
     verdict: Verdict,
     buffer: Buffer,
-    /// Of the frame until it is fetched; then of the answer that starts at t3.5, 0 for none.
+    /// Length of the frame until a task fetches it, then of the answer that starts at t3.5; 0 for no answer.
     len: u8,
-    /// ReceiveErrors of the frame on the wire.
+    /// Errors of the frame on the wire.
     errors: ReceiveErrors,
-    /// ReceiveErrors of the damaged frames not yet fetched, and how many these are.
+    /// Errors of all damaged frames that no task has fetched yet, and the number of these frames.
     damaged: ReceiveErrors,
     damaged_count: u8,
-    /// The first byte of the answer, taken from `transmission` ahead of time; or, with [`ReceiveErrors::KEPT`], of the frame on the
-    /// wire.
+    /// The first byte of the answer, taken from `transmission` ahead of time. With [`ReceiveErrors::KEPT`] the first byte of the
+    /// frame on the wire.
     first: u8,
-    /// A future waits for the verdict or for silence; nobody else needs to be woken at t3.5.
+    /// A future waits for the verdict or for silence. No other task needs to be woken at t3.5.
     silence_awaited: bool,
     transmission: Transmission,
 }
@@ -123,17 +123,17 @@ impl LineMachine {
         }
     }
 
-    /// Begins to listen, at start or with new settings: to nothing before t3.5 of silence, since a frame may be half over. A
-    /// frame that was pending is void, and one that stands is no longer answered.
+    /// Begins to listen, at start or with new settings. An RTU line accepts no frame before t3.5 of silence, since a frame may be
+    /// half over. A pending frame becomes void, and a frame that stands is no longer answered.
     pub fn reset<W: Wire>(&mut self, wire: &mut W) {
         self.errors = ReceiveErrors::NONE;
         self.void(wire);
-        // Who asked may not be on the line any more.
+        // The client that sent the request may have left the line.
         self.withhold(wire);
         if W::HAS_DELAYS {
             wire.end_delay();
         }
-        // An ASCII frame says itself where it begins.
+        // An ASCII frame begins with a character, so the line needs no silence first.
         self.phase = if wire.ascii().is_some() {
             Phase::Settled
         } else {
@@ -144,19 +144,19 @@ impl LineMachine {
         wire.alarm_on();
     }
 
-    /// Whether the next good character of RTU just goes to the buffer, if that has room. A driver may take it without asking
-    /// [`on_character`](LineMachine::on_character).
+    /// Whether the next good character of an RTU frame only goes to the buffer, if the buffer has room. A driver may store it
+    /// without a call of [`on_character`](LineMachine::on_character).
     #[inline(always)]
     pub fn is_collecting(&self) -> bool {
         self.phase == Phase::Collecting && self.errors.is_empty()
     }
 
-    /// A character came, with what the USART found wrong with it; `full` if the buffer has no room for it. The driver has set
-    /// the alarm to the end of the silence that would complete the frame. One that keeps a [`Reception`](crate::rtu::Reception)
-    /// says `false`: that finds a frame too long itself.
+    /// Handles a character with the errors that the USART found in it. `full` says that the buffer has no room for it. The driver
+    /// has set the alarm to the end of the silence that would complete the frame. A driver that keeps a
+    /// [`Reception`](crate::rtu::Reception) passes `false`: the reception itself finds a frame that is too long.
     ///
-    /// Returns a byte that is to be stored. Where that was not [taken](Wire::take), it is the character before: the one that
-    /// came is in the USART still, and the driver comes here with it once more.
+    /// Returns a byte to store. If this did not [take](Wire::take) the character, the byte is the character before: the new
+    /// character is still in the USART, and the driver calls this for it once more.
     #[inline]
     pub fn on_character<W: Wire>(
         &mut self,
@@ -172,14 +172,14 @@ impl LineMachine {
                         self.phase = Phase::Collecting;
                         return Some(self.first);
                     }
-                    // The frame before is still being worked on.
+                    // A task still works on the frame before.
                     self.errors = ReceiveErrors::OVERRUN;
                 } else if full {
                     self.errors |= ReceiveErrors::LENGTH;
                 }
             }
             Phase::Complete | Phase::CompleteBegun => {
-                // Between t1.5 and t3.5: what was complete is void, and this belongs to it.
+                // Between t1.5 and t3.5: the complete frame is void, and this character belongs to it.
                 self.errors |= ReceiveErrors::GAP;
                 self.void(wire);
             }
@@ -198,13 +198,13 @@ impl LineMachine {
         self.phase = Phase::Collecting;
         self.errors |= errors;
         let byte = wire.take();
-        // Only a frame without errors is stored: one that is damaged may come while the buffer is lent.
+        // Only a frame without errors is stored: a damaged frame may come while the buffer is lent.
         if !self.errors.is_empty() {
             self.tell_silence(wire);
             return None;
         }
         if self.buffer != Buffer::Free {
-            // Nothing is to be sent any more, so there is room for one here.
+            // No answer will be sent now, so `first` has room for the character.
             self.first = byte;
             self.errors = ReceiveErrors::KEPT;
             return None;
@@ -212,15 +212,15 @@ impl LineMachine {
         Some(byte)
     }
 
-    /// The frame that comes in has no room: for a driver that has stored a character without asking
-    /// [`on_character`](LineMachine::on_character).
+    /// Notes that the buffer has no room for the incoming frame. A driver calls this after it has stored a character without a call
+    /// of [`on_character`](LineMachine::on_character).
     #[inline(always)]
     pub fn on_too_long<W: Wire>(&mut self, wire: &mut W) {
         self.errors |= ReceiveErrors::LENGTH;
         self.tell_silence(wire);
     }
 
-    /// Wakes whoever waits for the verdict, for silence, or for a good frame.
+    /// Wakes the task that waits for the verdict, for silence, or for a good frame.
     #[inline(always)]
     fn tell_silence<W: Wire>(&mut self, wire: &mut W) {
         if self.silence_awaited {
@@ -229,7 +229,7 @@ impl LineMachine {
         }
     }
 
-    /// The alarm went off: some silence is over.
+    /// Handles the alarm: an interval is over.
     #[inline(always)]
     pub fn on_alarm<W: Wire>(&mut self, wire: &mut W) {
         match self.phase {
@@ -252,7 +252,7 @@ impl LineMachine {
     fn on_complete<W: Wire>(&mut self, wire: &mut W) {
         let mut rest = Interval::ToStand;
         if self.phase == Phase::Begun {
-            // The start bit was none: no character came of it.
+            // The start bit was noise: no character followed it.
             rest = Interval::ToStandLessCharacter;
         } else if wire.start_bit_seen() {
             self.phase = Phase::Begun;
@@ -270,7 +270,7 @@ impl LineMachine {
         }
         let pending = self.verdict == Verdict::Pending;
         if !wire.alarm(rest) {
-            // Looked at, and waited for, just now.
+            // The start bit was checked, and its character waited for, just now.
             self.phase = Phase::CompleteBegun;
             self.on_stand(wire);
         }
@@ -302,15 +302,15 @@ impl LineMachine {
         self.tell_silence(wire);
     }
 
-    /// A start bit was seen: a character comes within the time of one, or it was none. One that begins from now on is another's,
-    /// and seen as that.
+    /// Waits for the character of a start bit: it comes within the time of one character, or the start bit was noise. A start bit
+    /// that begins from now on belongs to another character, and is seen as such.
     #[inline(always)]
     fn await_character<W: Wire>(&mut self, wire: &mut W) {
         wire.clear_start_bit();
         wire.alarm(Interval::Character);
     }
 
-    /// A damaged frame is over.
+    /// Reports a damaged frame that is over.
     #[inline(always)]
     fn tell<W: Wire>(&mut self, wire: &mut W, errors: ReceiveErrors) {
         self.damaged |= errors;
@@ -318,7 +318,7 @@ impl LineMachine {
         wire.wake_receiver();
     }
 
-    /// t3.5 is over, and the delay behind it, if there is one, or a part of it.
+    /// Handles the end of t3.5, and of each part of the delay after it.
     #[inline(always)]
     fn on_t3_5<W: Wire>(&mut self, wire: &mut W) {
         if W::HAS_DELAYS && !wire.is_delay_over() {
@@ -331,7 +331,7 @@ impl LineMachine {
     fn on_start<W: Wire>(&mut self, wire: &mut W) {
         if self.is_released() {
             if wire.start_bit_seen() {
-                // An edge, or a character that has begun: which of them shows within one.
+                // Noise, or the start bit of a character: the time of one character shows which.
                 return self.await_character(wire);
             }
             return self.start(wire);
@@ -339,7 +339,7 @@ impl LineMachine {
         self.on_free(wire);
     }
 
-    /// A frame that is complete is none.
+    /// Voids a complete frame whose verdict is pending.
     #[inline(always)]
     fn void<W: Wire>(&mut self, wire: &mut W) {
         if self.verdict == Verdict::Pending {
@@ -348,7 +348,7 @@ impl LineMachine {
         }
     }
 
-    /// Where a frame stands, it is too late for an answer. Told at once: the buffer is needed for the frame that begins.
+    /// Gives up the answer to a frame that stands: it is too late. Wakes the task at once, since the next frame needs the buffer.
     #[inline(always)]
     fn withhold<W: Wire>(&mut self, wire: &mut W) {
         if self.verdict == Verdict::Stands {
@@ -357,7 +357,7 @@ impl LineMachine {
         }
     }
 
-    /// Whether an answer starts at t3.5, if nothing comes between.
+    /// Whether an answer starts at t3.5, if no character comes before.
     #[inline(always)]
     fn is_released(&self) -> bool {
         self.buffer == Buffer::Lent
@@ -365,7 +365,7 @@ impl LineMachine {
             && matches!(self.verdict, Verdict::Pending | Verdict::Stands)
     }
 
-    /// t3.5 has passed on the wire.
+    /// Handles a wire that has been silent for t3.5.
     #[inline(always)]
     fn on_free<W: Wire>(&mut self, wire: &mut W) {
         wire.alarm_off();
@@ -376,7 +376,7 @@ impl LineMachine {
         }
     }
 
-    /// Gets an answer of `len` bytes ready to be started.
+    /// Prepares an answer of `len` bytes for its start.
     fn prepare<W: Wire>(&mut self, wire: &mut W, len: u8) {
         self.len = len;
         if let Some(ascii) = wire.ascii() {
@@ -397,7 +397,7 @@ impl LineMachine {
         self.talk(wire);
     }
 
-    /// DE has been up for long enough. Who released the answer may have given up meanwhile.
+    /// Handles the end of the lead time of DE. The task that released the answer may have given it up meanwhile.
     #[inline(always)]
     fn on_lead<W: Wire>(&mut self, wire: &mut W) {
         if self.verdict == Verdict::Sent {
@@ -420,7 +420,7 @@ impl LineMachine {
         }
     }
 
-    /// The transmitter does not come to its end: the bus is let go of, and what was released is lost.
+    /// Leaves the bus because the transmitter does not finish. The released bytes are lost.
     #[inline(always)]
     fn cut_off<W: Wire>(&mut self, wire: &mut W) {
         self.verdict = Verdict::Cut;
@@ -428,14 +428,14 @@ impl LineMachine {
         self.be_sent(wire);
     }
 
-    /// What is being sent ends before its first character.
+    /// Ends a transmission before its first character.
     #[inline(always)]
     fn let_go<W: Wire>(&mut self, wire: &mut W) {
         wire.listen();
         self.be_sent(wire);
     }
 
-    /// The alarm, which is on, has ended what is being sent.
+    /// Ends a transmission when the alarm has gone off. The alarm is on.
     #[inline(always)]
     fn be_sent<W: Wire>(&mut self, wire: &mut W) {
         self.phase = Phase::Sent;
@@ -443,7 +443,7 @@ impl LineMachine {
         wire.wake_user();
     }
 
-    /// The transmitter takes another byte.
+    /// Gives the transmitter its next byte.
     #[inline(always)]
     pub fn on_ready<W: Wire>(&mut self, wire: &mut W) {
         let next = if wire.is_text() {
@@ -464,7 +464,7 @@ impl LineMachine {
         }
     }
 
-    /// Whether the transmitter has been given all there is.
+    /// Whether the transmitter has been given all bytes.
     #[inline(always)]
     fn is_over<W: Wire>(&self, wire: &mut W) -> bool {
         if wire.is_text() {
@@ -476,11 +476,11 @@ impl LineMachine {
         }
     }
 
-    /// The transmitter has sent all it had, stop bit included. That is not the end if it was not given the next byte in time:
-    /// before the last byte is given this does nothing.
+    /// Handles a transmitter that has sent all its bytes, stop bit included. The transmission is not over if the transmitter did
+    /// not get the next byte in time: before the last byte is given, this does nothing.
     ///
-    /// A driver that has both to tell calls [`on_ready`](LineMachine::on_ready) first, and looks at the USART again: if that has
-    /// got a byte, the transmission is not complete any more, and this is not called.
+    /// A driver that finds the transmitter ready and done calls [`on_ready`](LineMachine::on_ready) first, then reads the USART's
+    /// status again. If the USART has got a byte, the transmission is not complete any more, and the driver does not call this.
     #[inline(always)]
     pub fn on_sent<W: Wire>(&mut self, wire: &mut W) {
         if !self.is_over(wire) {

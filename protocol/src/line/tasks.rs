@@ -1,14 +1,14 @@
-//! What tasks ask of a line's machine, with the line's interrupts off.
+//! The methods of a line's machine for tasks. They are called with the line's interrupts off.
 
 use super::{Buffer, Interval, LineMachine, Phase, Verdict, Wire};
 use crate::frame::ReceiveErrors;
 use crate::rtu::Transmission;
 
 impl LineMachine {
-    /// A good frame, which is lent by this, as its length without check bytes; or a damaged one, as its errors.
+    /// Fetches and lends a good frame, as its length without check bytes, or fetches a damaged frame, as its errors.
     ///
-    /// Each damaged frame is told once, up to 255 that wait to be fetched; where several do, each with the errors of all. They
-    /// come first: whoever answers the good frame may be asked how many there were.
+    /// Each damaged frame is reported once. Up to 255 damaged frames wait to be fetched; if several wait, each has the errors of
+    /// all. Damaged frames come first: the good frame may ask for their number.
     #[inline]
     pub fn fetch(&mut self) -> Option<Result<u8, ReceiveErrors>> {
         if self.damaged_count > 0 {
@@ -26,8 +26,8 @@ impl LineMachine {
         None
     }
 
-    /// Lends the buffer to somebody who wants to transmit, if the wire is silent, or about to be, and the buffer free; else
-    /// [`Wire::wake_user`] is called when it may be.
+    /// Lends the buffer to a task that wants to transmit, if the wire is silent, or about to be, and the buffer is free. Otherwise
+    /// [`Wire::wake_user`] is called when this may be so.
     #[inline]
     pub fn take_buffer(&mut self) -> bool {
         if matches!(self.phase, Phase::Settled | Phase::Silent) && self.buffer == Buffer::Free {
@@ -40,7 +40,7 @@ impl LineMachine {
         false
     }
 
-    /// The verdict over the frame that is lent: `None` before t3.5, [`Wire::wake_user`] is called when it is there.
+    /// The verdict over the lent frame: `None` before t3.5, and [`Wire::wake_user`] is called when the verdict is known.
     #[inline]
     pub fn verdict(&mut self) -> Option<bool> {
         if self.verdict == Verdict::Pending {
@@ -50,8 +50,8 @@ impl LineMachine {
         Some(self.verdict != Verdict::Void)
     }
 
-    /// Whether no frame is coming in that may be a good one, nor waits to be [fetched](LineMachine::fetch): then the errors of what is
-    /// coming in, none if nothing is. `None` while there is such a frame; [`Wire::wake_user`] is called when that ends.
+    /// The errors of the incoming frame, none if no frame comes in. `None` while a frame that may be good comes in or waits to be
+    /// [fetched](LineMachine::fetch); [`Wire::wake_user`] is called when that ends.
     #[inline]
     pub fn quiet<W: Wire>(&mut self, wire: &mut W) -> Option<ReceiveErrors> {
         let errors = match self.phase {
@@ -62,7 +62,7 @@ impl LineMachine {
                     None => self.errors,
                 }
             }
-            // A character that has begun is there before t3.5 is over.
+            // A character that has begun is received before t3.5 is over.
             Phase::Settled | Phase::Silent if wire.start_bit_seen() => {
                 wire.clear_start_bit();
                 self.phase = Phase::Sent;
@@ -87,7 +87,7 @@ impl LineMachine {
         self.buffer != Buffer::Full && self.damaged_count == 0
     }
 
-    /// Whether an answer is on the wire, or DE up for it.
+    /// Whether an answer is on the wire, or DE is up for an answer.
     #[inline]
     pub fn is_sending(&self) -> bool {
         matches!(self.phase, Phase::Leading | Phase::Sending)
@@ -99,8 +99,8 @@ impl LineMachine {
         self.buffer == Buffer::Lent
     }
 
-    /// What became of the bytes released: whether they went out, all of them; `None` while they are on the wire or will be at
-    /// t3.5, [`Wire::wake_user`] is called when that ends.
+    /// Whether all released bytes were sent. `None` while they are on the wire or wait for t3.5; [`Wire::wake_user`] is called when
+    /// that ends.
     #[inline]
     pub fn sent(&self) -> Option<bool> {
         if self.is_sending() || self.is_released() {
@@ -109,14 +109,14 @@ impl LineMachine {
         Some(self.verdict == Verdict::Sent)
     }
 
-    /// Whether what was released last was cut off, since the transmitter did not come to its end.
+    /// Whether the last released bytes were cut off because the transmitter did not finish.
     #[inline]
     pub fn was_cut(&self) -> bool {
         self.verdict == Verdict::Cut
     }
 
-    /// The first `len` bytes of the buffer are to be sent: at t3.5 if the frame stands then, at once if it does, and not at all
-    /// if it is void or somebody has talked since: whoever asked has given up by then, and might take it for another's.
+    /// Releases the first `len` bytes of the buffer: sent at t3.5 if the frame stands then, at once if t3.5 has passed. Not sent if
+    /// the frame is void or another node has sent since: the client has given up, and might mistake them for another answer.
     #[inline]
     pub fn release<W: Wire>(&mut self, wire: &mut W, len: u8) {
         match self.verdict {
@@ -127,7 +127,7 @@ impl LineMachine {
                     self.prepare(wire, len);
                     return self.start(wire);
                 }
-                // Somebody may have begun to talk: it waits until t3.5 has passed without.
+                // Another node may have begun to send: the answer waits until t3.5 has passed in silence.
                 wire.clear_start_bit();
                 self.prepare(wire, len);
                 self.phase = Phase::Settled;
@@ -141,8 +141,8 @@ impl LineMachine {
         }
     }
 
-    /// The buffer is the line's again. An answer that has not started is withdrawn, one that has ends with the bytes that the
-    /// transmitter holds.
+    /// Gives the buffer back to the line. An answer that has not started is withdrawn. An answer that has started ends with the
+    /// bytes that the transmitter holds.
     #[inline]
     pub fn give_back<W: Wire>(&mut self, wire: &mut W) {
         self.verdict = Verdict::None;

@@ -8,18 +8,18 @@ use crate::frame::Received;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interval {
     /// From t1.5 to the judgement of the frame, which is t3.5 of the same silence less [the
-    /// margin](crate::timing::margin); 0 where a gap over t1.5 is allowed, since the frame is complete at its
-    /// judgement then.
+    /// margin](crate::timing::margin). 0 where a gap over t1.5 is allowed, since the frame is then complete at its
+    /// judgement.
     ToStand,
-    /// As long as [`ToStand`](Self::ToStand) less one character, which was waited for already; at least 0.
+    /// [`ToStand`](Self::ToStand) less one character, which the machine has already waited for; at least 0.
     ToStandLessCharacter,
-    /// From the judgement of the frame to t3.5; 0 if they are the same.
+    /// From the judgement of the frame to t3.5; 0 if both are at the same time.
     ToStart,
     /// The time of one character.
     Character,
     /// The time t3.5, from now.
     T3_5,
-    /// The time t3.5, from the moment in which the alarm went off: after a transmission that was cut off.
+    /// The time t3.5, from the moment in which the alarm went off: used after a transmission that was cut off.
     T3_5Then,
     /// A fortieth of a second, 25 ms, since a small timer cannot count the second that ASCII allows between
     /// characters.
@@ -39,8 +39,8 @@ pub trait Wire {
     fn ascii(&mut self) -> Option<&mut Ascii> {
         None
     }
-    /// Whether bytes are sent without a check ([`Framing::Text`](crate::format::Framing::Text)). A driver without
-    /// text does not implement this.
+    /// Whether the line sends bytes without a check ([`Framing::Text`](crate::format::Framing::Text)). A driver without text does
+    /// not implement this.
     #[inline(always)]
     fn is_text(&self) -> bool {
         false
@@ -56,17 +56,17 @@ pub trait Wire {
     fn start_bit_seen(&mut self) -> bool;
     /// Clears the detector of start bits.
     fn clear_start_bit(&mut self);
-    /// Sets the alarm to `interval` after the moment for which it last went off, or from now for [`Interval::T3_5`].
-    /// If that moment has passed, the alarm goes off at once. Returns whether there is anything to wait for.
+    /// Sets the alarm to `interval` after the moment for which it last went off; for [`Interval::T3_5`] from now. If that moment
+    /// has passed, the alarm goes off at once. Returns whether there is an interval to wait for.
     ///
     /// This does not enable the alarm: [`alarm_on`](Wire::alarm_on) does.
     fn alarm(&mut self, interval: Interval) -> bool;
-    /// Enables the alarm, which [`alarm`](Wire::alarm) or the driver has set, with each character too.
+    /// Enables the alarm. [`alarm`](Wire::alarm) has set it, or the driver, which sets it with each character.
     fn alarm_on(&mut self);
-    /// Disables the alarm until [`alarm_on`](Wire::alarm_on), [`bound`](Wire::bound) or [`lead`](Wire::lead). The driver sets it
-    /// with each character meanwhile, and it does not go off.
+    /// Disables the alarm until [`alarm_on`](Wire::alarm_on), [`bound`](Wire::bound) or [`lead`](Wire::lead). The driver still sets
+    /// it with each character, but the alarm does not go off.
     fn alarm_off(&mut self);
-    /// Begins a new RTU frame, and drops the one that comes in.
+    /// Begins a new RTU frame, and drops the incoming one.
     fn restart(&mut self);
     /// The RTU frame that was received.
     fn finish(&mut self) -> Received;
@@ -74,27 +74,27 @@ pub trait Wire {
     fn adu(&self) -> &Adu;
     /// Begins a transmission: receiver off, DE up, first character out.
     fn talk(&mut self, first: u8);
-    /// Sets the limit of a transmission, which has begun, of `len` bytes of unit id, function code and data, or of
-    /// text: the alarm goes off after the time of their [characters](crate::format::Framing::characters) and of one more, or
-    /// before. Enables the alarm.
+    /// Limits the time of a transmission, which has begun, of `len` bytes of unit id, function code and data, or of text: the alarm
+    /// goes off after the time of their [characters](crate::format::Framing::characters) and of one more, or earlier. Enables the
+    /// alarm.
     #[inline(always)]
     fn bound(&mut self, len: u8) {
         let _ = len;
     }
-    /// Called when the alarm goes off during a transmission. Returns whether that time has passed; if not, sets the
-    /// alarm to the rest.
+    /// Called when the alarm goes off during a transmission. Returns whether the limit has passed. If not, sets the alarm to the
+    /// rest.
     #[inline(always)]
     fn is_bound_over(&mut self) -> bool {
         false
     }
-    /// Begins the delay of an answer, counted from t3.5: a frame stands, or is over.
+    /// Begins the delay of an answer, counted from t3.5. Called when a frame stands or is over.
     #[inline(always)]
     fn begin_delay(&mut self) {}
     /// Ends the delay.
     #[inline(always)]
     fn end_delay(&mut self) {}
-    /// Called at t3.5, and after each part of the delay. Returns whether the delay has passed; if not, sets the alarm
-    /// to the rest, or to a part of it.
+    /// Called at t3.5, and after each part of the delay. Returns whether the delay has passed. If not, sets the alarm to the rest,
+    /// or to a part of it.
     #[inline(always)]
     fn is_delay_over(&mut self) -> bool {
         true
@@ -107,18 +107,18 @@ pub trait Wire {
     }
     /// Whether the transmitter accepts another byte.
     fn is_ready(&mut self) -> bool;
-    /// Gives the transmitter a byte; the last one if `last`. Behind that one the driver does what [`end`](Wire::end) does.
+    /// Gives the transmitter a byte, the last one if `last`. After the last byte the driver also does what [`end`](Wire::end) does.
     fn put(&mut self, byte: u8, last: bool);
-    /// Tells that there are no more bytes to send: the next interrupt is the end of the transmission.
+    /// Notes that there are no more bytes to send: the next interrupt is the end of the transmission.
     fn end(&mut self);
-    /// Takes DE down and turns the receiver on. Characters that wait in the USART are forgotten, and so are start bits.
+    /// Takes DE down and turns the receiver on. Forgets characters that wait in the USART, and start bits.
     fn listen(&mut self);
     /// Does what [`listen`](Self::listen) does, and drops the character that the transmitter holds.
     #[inline(always)]
     fn cut(&mut self) {
         self.listen();
     }
-    /// Tells that the lent frame was given back, for a driver that limits how long a frame is kept.
+    /// Notes that the lent frame was given back, for a driver that limits how long a frame is kept.
     #[inline(always)]
     fn frame_is_back(&mut self) {}
     /// Wakes the task that waits for a frame.

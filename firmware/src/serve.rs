@@ -1,4 +1,4 @@
-//! The serve task: works out answers while a frame is provisional, carries out writes when it stands.
+//! The serve task: works out answers while a frame is provisional, and carries out writes when the frame stands.
 
 use multidrop_protocol::server::{DataModel, Diagnostics, Plan, Server};
 
@@ -12,7 +12,7 @@ use crate::shared::Shared;
 /// task of the executor.
 ///
 /// # Cancellation
-/// Safe at any await: the request is given up, an answer under way ends with the character in flight.
+/// Safe at any await: the request is given up, and an answer under way ends with the character in flight.
 pub async fn serve<L: Line, D: Diagnostics, M: DataModel>(
     port: &'static ServerPort<L, D>,
     model: &Shared<M>,
@@ -31,7 +31,7 @@ pub async fn serve<L: Line, D: Diagnostics, M: DataModel>(
     }
 }
 
-/// Works out the answer to a request, and releases it if it may go out as soon as the frame stands.
+/// Works out the answer to a request. Releases the answer if it may be sent as soon as the frame stands.
 #[inline(always)]
 pub(crate) fn prepare<'l, L: Line, D: Diagnostics, M: DataModel>(
     server: &Server<D>,
@@ -47,13 +47,13 @@ pub(crate) fn prepare<'l, L: Line, D: Diagnostics, M: DataModel>(
     (plan, answer)
 }
 
-/// Whether there is something to [`conclude`].
+/// Whether [`conclude`] has something to do for `plan`.
 #[inline(always)]
 pub(crate) fn must_stand<D: Diagnostics>(plan: Plan) -> bool {
     D::COUNTS || matches!(plan, Plan::Write { .. } | Plan::Call)
 }
 
-/// Does what was planned for a frame that stands. An answer that was released before is only read.
+/// Carries out the plan for a frame that stands. An answer that was released before is only read.
 #[inline(always)]
 pub(crate) fn conclude<L: Line, D: Diagnostics, M: DataModel>(
     server: &Server<D>,
@@ -66,7 +66,7 @@ pub(crate) fn conclude<L: Line, D: Diagnostics, M: DataModel>(
     answer.release(len);
 }
 
-/// Counts an answer that was cut off, and ends ASCII frames as the request has asked for.
+/// Counts an answer that was cut off, and sets the delimiter of ASCII frames that the request has asked for.
 #[inline(always)]
 pub(crate) fn finish<L: Line, D: Diagnostics>(line: &L, server: &Server<D>, is_out: bool) {
     if !is_out && D::COUNTS && line.was_cut() {

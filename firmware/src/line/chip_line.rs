@@ -1,4 +1,4 @@
-//! [`Line`] for every chip: futures on what the chip's interrupts leave in its machine.
+//! [`Line`] for every chip: its futures wait for events that the chip's interrupts report to the machine.
 
 use core::cell::Cell;
 use core::future::{Future, poll_fn};
@@ -11,10 +11,10 @@ use multidrop_protocol::port_registers::Duplex;
 use super::{ChipLine, Line};
 
 impl<C: Chip> ChipLine<C> {
-    /// Has `observer` [shown](Line::show) the traffic.
+    /// Lets `observer` [see](Line::show) the traffic of the line.
     ///
     /// # Panics
-    /// At compile time, for a chip whose lines nobody can look at.
+    /// At compile time, for a chip whose lines cannot be observed.
     pub fn observed_by(self, observer: &'static dyn Observer) -> Self {
         const {
             assert!(

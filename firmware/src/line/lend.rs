@@ -1,7 +1,7 @@
-//! The buffer of a line as it is lent: who may change its bytes, and until when.
+//! The buffer of a line and its loan to a frame: which code may change the bytes, and until when.
 //!
-//! All that is unsafe about a frame is here. A [`Frame`] and a [`Released`] are made here alone, each for one time that the
-//! line has lent its buffer, and what only they may ask of a line takes a [`Key`], which only this crate has.
+//! All unsafe code for frames is here. Only this module makes a [`Frame`] or a [`Released`], one each time that the line lends its
+//! buffer. The methods of a line that only frames may call take a [`Key`], which only this crate has.
 #![allow(unsafe_code)]
 
 use core::cell::UnsafeCell;
@@ -16,26 +16,26 @@ use multidrop_protocol::server::Access;
 
 use super::{Adu, Line};
 
-/// Shows a line that it is asked by this crate: others cannot make one.
+/// The proof that this crate calls a line: other crates cannot make a key.
 #[derive(Clone, Copy)]
 pub struct Key(());
 
 impl Key {
-    /// For this crate, which keeps the order that [`Line`] demands.
+    /// The key of this crate, which keeps the order that [`Line`] demands.
     pub(crate) const THIS_CRATE: Key = Key(());
 }
 
-/// What a line does for the frames that it lends: [`ChipLine`] does it for every chip. Frames call it, which have the [`Key`].
+/// The methods of a line for the frames that it lends, which call them with a [`Key`]. [`ChipLine`] has them for every chip.
 ///
 /// # Safety
-/// A line has one buffer. It is lent when [`poll_received`](Lend::poll_received) gives a length or
-/// [`poll_lent`](Lend::poll_lent) is ready, and neither happens again before [`give_back`](Lend::give_back). While it is lent
-/// nothing is written to it, and nothing read before [`release`](Lend::release).
+/// A line has one buffer. The buffer is lent when [`poll_received`](Lend::poll_received) gives a length or
+/// [`poll_lent`](Lend::poll_lent) is ready, and neither happens again before [`give_back`](Lend::give_back). While the buffer is
+/// lent nothing is written to it, and nothing is read from it before [`release`](Lend::release).
 pub unsafe trait Lend {
     /// Lends a received frame, for [`receive`](Line::receive); ready with its length, 2..=254.
     ///
     /// # Errors
-    /// As `receive`.
+    /// The errors that [`receive`](Line::receive) gives.
     fn poll_received(&self, context: &mut Context<'_>, key: Key)
     -> Poll<Result<u8, ReceiveErrors>>;
 
@@ -54,12 +54,12 @@ pub unsafe trait Lend {
     /// Waits for the end of the transmission, for [`Released::sent`].
     fn poll_sent(&self, context: &mut Context<'_>, key: Key) -> Poll<bool>;
 
-    /// The frame was dropped: the buffer is the line's again, an answer that has not started is
-    /// withdrawn, one that has is cut off after the character in flight.
+    /// Takes the buffer back from a frame that was dropped. An answer that has not started is withdrawn. An answer that has started
+    /// is cut off after the character in flight.
     fn give_back(&self, key: Key);
 }
 
-/// The buffer, lent once. Dropping it gives it back.
+/// One loan of the buffer. Dropping it gives the buffer back.
 struct Lent<'l, L: Line> {
     line: &'l L,
     len: u8,
@@ -68,7 +68,7 @@ struct Lent<'l, L: Line> {
 
 impl<'l, L: Line> Lent<'l, L> {
     /// # Safety
-    /// The line has lent its buffer just now, and not to anybody else.
+    /// The line has lent its buffer just now, and to nothing else.
     #[inline(always)]
     unsafe fn new(line: &'l L, len: u8) -> Self {
         Self {
@@ -80,7 +80,7 @@ impl<'l, L: Line> Lent<'l, L> {
 
     #[inline(always)]
     fn adu(&self) -> &Adu {
-        // SAFETY: it is lent to this, so that nobody writes to it; the line may read it, to send it.
+        // SAFETY: the buffer is lent to this value, so nothing writes to it; the line may read it, to send it.
         unsafe { self.line.buffer(Key(())).as_ref() }
     }
 }
@@ -93,7 +93,7 @@ impl<L: Line> Drop for Lent<'_, L> {
 
 /// A frame lent by its line. Dropping it gives the buffer back.
 ///
-/// Its bytes may be changed until it is [released](Frame::release):
+/// The bytes of a frame may be changed until the frame is [released](Frame::release):
 ///
 /// ```compile_fail,E0382
 /// use multidrop::{Frame, Line};
@@ -105,11 +105,11 @@ impl<L: Line> Drop for Lent<'_, L> {
 /// }
 /// ```
 ///
-/// Nobody but a line lends one, and nobody but this gives it back.
+/// Only a line lends a frame, and only a dropped frame gives the buffer back.
 pub struct Frame<'l, L: Line>(Lent<'l, L>);
 
 impl<'l, L: Line> Frame<'l, L> {
-    /// What [`Line::receive`] gives.
+    /// Polls for the frame that [`Line::receive`] gives.
     #[inline(always)]
     pub(super) fn poll_received(
         line: &'l L,
@@ -120,11 +120,11 @@ impl<'l, L: Line> Frame<'l, L> {
             .map_ok(|len| Frame(unsafe { Lent::new(line, len) }))
     }
 
-    /// What [`Line::lend`] gives.
+    /// Polls for the buffer that [`Line::lend`] gives.
     #[inline(always)]
     pub(super) fn poll_lent(line: &'l L, context: &mut Context<'_>) -> Poll<Frame<'l, L>> {
         line.poll_lent(context, Key(()))
-            // SAFETY: as above.
+            // SAFETY: a line that is ready here has lent its buffer with it.
             .map(|()| Frame(unsafe { Lent::new(line, 0) }))
     }
 
@@ -143,17 +143,17 @@ impl<'l, L: Line> Frame<'l, L> {
         self.0.adu()
     }
 
-    /// The buffer: the request in its first [`request_len`](Self::request_len) bytes, to be replaced
-    /// by the answer.
+    /// The buffer with the request in its first [`request_len`](Self::request_len) bytes. The answer replaces the
+    /// request.
     #[inline(always)]
     pub fn adu(&mut self) -> &mut Adu {
-        // SAFETY: it is lent to this, and the line does not read it before it is released.
+        // SAFETY: the buffer is lent to this frame, and the line does not read it before it is released.
         unsafe { self.0.line.buffer(Key(())).as_mut() }
     }
 
-    /// Hands the first `len` bytes of the buffer (2..=254, of text 1..=254) to the transmitter. It starts at t3.5 if
-    /// the frame stands, at once if t3.5 has passed and nobody is talking, and not at all if the frame
-    /// is void.
+    /// Hands the first `len` bytes of the buffer (2..=254, of text 1..=254) to the transmitter. They start at
+    /// t3.5 if the frame stands, at once if t3.5 has passed and no node sends, and not at all if the frame is
+    /// void.
     #[inline(always)]
     pub fn release(self, len: u8) -> Released<'l, L> {
         self.0.line.release(len, Key(()));
@@ -163,7 +163,7 @@ impl<'l, L: Line> Frame<'l, L> {
         }
     }
 
-    /// Waits with the frame before anything of it is sent: [`access`](Released::access) says what may be done with it.
+    /// Keeps the frame before any of its bytes are sent. [`access`](Released::access) tells how they may be used.
     #[inline(always)]
     pub fn hold(self) -> Released<'l, L> {
         Released {
@@ -181,7 +181,7 @@ impl<'l, L: Line> Frame<'l, L> {
     }
 }
 
-/// A frame whose bytes are on the wire, or may be: it can be read and waited for. Dropping it cuts an answer off after the
+/// A frame whose bytes are, or may be, on the wire: it can be read and waited for. Dropping it cuts the answer off after the
 /// character in flight, and gives the buffer back.
 #[must_use = "what is dropped is not sent"]
 pub struct Released<'l, L: Line> {
@@ -195,29 +195,29 @@ impl<'l, L: Line> Released<'l, L> {
         self.lent.adu()
     }
 
-    /// Bytes of unit id, function code and data of the frame that was heard: 2..=254, 0 in a buffer lent to send from.
+    /// Number of bytes of unit id, function code and data of the frame that was heard: 2..=254, 0 in a buffer lent to send from.
     #[inline(always)]
     pub fn request_len(&self) -> u8 {
         self.lent.len
     }
 
-    /// Unit id, function code and data of the frame that was heard; nothing of a buffer that was lent to send from.
+    /// Unit id, function code and data of the frame that was heard. Empty for a buffer lent to send from.
     #[inline(always)]
     pub fn heard(&self) -> &[u8] {
         &self.lent.adu()[..usize::from(self.lent.len)]
     }
 
-    /// What may be done with the buffer: everything as long as nothing was released.
+    /// The permitted access to the buffer: any access as long as no bytes were released.
     #[inline(always)]
     pub fn access(&mut self) -> Access<'_> {
         match self.is_released {
             true => Access::Released(self.lent.adu()),
-            // SAFETY: it is lent to this, and the line does not read it before it is released.
+            // SAFETY: the buffer is lent to this value, and the line does not read it before it is released.
             false => Access::Owned(unsafe { self.lent.line.buffer(Key(())).as_mut() }),
         }
     }
 
-    /// [`Frame::release`] for a frame that was [held](Frame::hold). Nothing if `len` is 0, or something was released before.
+    /// Releases a frame that was [held](Frame::hold). Does nothing if `len` is 0, or bytes were released before.
     #[inline(always)]
     pub fn release(&mut self, len: u8) {
         if len > 0 && !self.is_released {
@@ -234,8 +234,8 @@ impl<'l, L: Line> Released<'l, L> {
         poll_fn(|context| self.lent.line.poll_settled(context, Key(())))
     }
 
-    /// Waits until what was released is on the wire whole and DE is down: true. False as soon as it is
-    /// known that it will not be: nothing was released, the frame is void, or somebody has begun to talk.
+    /// Waits until all released bytes are on the wire and DE is down: true. False as soon as this cannot happen any more: nothing
+    /// was released, the frame is void, or another node has begun to send.
     ///
     /// # Cancellation
     /// Safe. Dropping this cuts the answer off after the character in flight.
@@ -244,12 +244,12 @@ impl<'l, L: Line> Released<'l, L> {
     }
 }
 
-/// The line of a chip: everything that its tasks do, for every [`Chip`] there is.
+/// The line of a chip: all operations of its tasks, for every [`Chip`].
 ///
-/// One task at a time waits for each of its futures; it is not to be used from an interrupt.
+/// One task at a time waits for each of its futures. The line is not to be used from an interrupt.
 pub struct ChipLine<C> {
     pub(super) chip: C,
-    /// Not to be used from an interrupt.
+    /// Makes the line neither `Send` nor `Sync`: it is not to be used from an interrupt.
     _tasks: PhantomData<*const ()>,
 }
 
@@ -257,8 +257,8 @@ impl<C: Chip> ChipLine<C> {
     /// Sets the line up and begins to listen; without settings it stays off until it is [configured](Line::configure).
     ///
     /// # Safety
-    /// A chip keeps what [`Chip`] says of [`with`](Chip::with), [`with_waker`](Chip::with_waker) and [`buffer`](Chip::buffer); it
-    /// writes to the buffer where the machine has it store a character, and nowhere else. There is one line of it.
+    /// The chip keeps the rules of [`with`](Chip::with), [`with_waker`](Chip::with_waker) and [`buffer`](Chip::buffer). It writes
+    /// to the buffer only where the machine has it store a character. The chip has one line.
     #[inline(always)]
     pub unsafe fn new(chip: C, settings: Option<&C::Settings>) -> Self {
         if let Some(settings) = settings {
@@ -277,7 +277,7 @@ impl<C: Chip> ChipLine<C> {
         self.poll(context, |machine, wire| machine.quiet(wire))
     }
 
-    /// What the machine has to tell the task that works with a frame, or waits to send.
+    /// Asks the machine for a result. The caller is the task that works with a frame, or waits to send.
     #[inline(always)]
     fn poll<R>(
         &self,
@@ -294,10 +294,10 @@ impl<C: Chip> ChipLine<C> {
     }
 }
 
-// Not inlined: one copy of each serves every await of the tasks.
+// Not inlined: one copy of each method serves every await of the tasks.
 //
-// SAFETY: the machine, which is always the same one, lends the one buffer once until `give_back`. It has nothing stored meanwhile,
-// and only the transmitter reads, after `release`. That the chip keeps to it was demanded when the line was made.
+// SAFETY: the machine, which is always the same one, lends the one buffer once until `give_back`. It stores nothing meanwhile, and
+// only the transmitter reads the buffer, after `release`. `ChipLine::new` demands that the chip keeps to this.
 unsafe impl<C: Chip> Lend for ChipLine<C> {
     fn poll_received(&self, context: &mut Context<'_>, _: Key) -> Poll<Result<u8, ReceiveErrors>> {
         let waker = context.waker();
@@ -340,7 +340,7 @@ unsafe impl<C: Chip> Lend for ChipLine<C> {
 /// A buffer for [`Chip::buffer`], as a static: all zero, so that it takes no flash.
 pub struct LineBuffer(UnsafeCell<Adu>);
 
-// SAFETY: it gives a pointer and no reference: who may use it is the business of those that do.
+// SAFETY: the cell gives a pointer and no reference: the code that uses the pointer keeps the rules of its use.
 unsafe impl Sync for LineBuffer {}
 
 impl LineBuffer {
@@ -349,9 +349,9 @@ impl LineBuffer {
         Self(UnsafeCell::new([0; size_of::<Adu>()]))
     }
 
-    /// Where it is.
+    /// The address of the buffer.
     pub const fn pointer(&self) -> NonNull<Adu> {
-        // SAFETY: a static is somewhere.
+        // SAFETY: a reference is never null.
         unsafe { NonNull::new_unchecked(self.0.get()) }
     }
 }

@@ -24,10 +24,10 @@ use crate::serve::{conclude, finish, must_stand, prepare};
 use crate::shared::Shared;
 use crate::sniff::TextSource;
 
-/// Runs for ever: takes frames from the line and hands them to who they are for in the port's mode.
+/// Runs for ever: takes frames from the line and hands each to its user in the port's mode.
 ///
 /// # Cancellation
-/// Safe: a frame not yet handed on is given back to the line.
+/// Safe: a frame that is not handed on yet is given back to the line.
 pub async fn managed_receive<L: Line, P, D: Diagnostics, const N: usize>(
     port: &'static ManagedPort<L, P, D, N>,
 ) -> ! {
@@ -57,12 +57,12 @@ pub async fn managed_receive<L: Line, P, D: Diagnostics, const N: usize>(
     }
 }
 
-/// The body of a port's task. Not a future of its own, which would add to the task's.
+/// The body of a port's task. It is no future of its own, which would add to the size of the task.
 macro_rules! run {
     ($port:expr, $model:expr) => {
         loop {
             $port.follow().await;
-            // Nothing can have been started since: what it needs is in effect.
+            // Nothing can have been started since: the mode and the line that a transaction needs are in effect.
             if let Some(started) = $port.started.take() {
                 $port.transact(started).await;
                 continue;
@@ -75,11 +75,11 @@ macro_rules! run {
     };
 }
 
-/// Runs for ever: answers with the port's arrays, asks, and follows what was loaded, one after the other.
+/// Runs for ever, one job after the other: answers with the port's arrays, sends requests, puts loaded settings into effect.
 ///
 /// # Cancellation
-/// Safe at any await: a request is given up, an answer or a request under way ends with the character in
-/// flight. A transaction that was under way stays so in STATUS.
+/// Safe at any await: a request is given up, and an answer or a request under way ends with the character in flight. STATUS still
+/// shows a transaction that was under way.
 pub async fn managed_run<L, R, C, V, D, const N: usize>(
     port: &'static ManagedPort<L, PortRegisters<R, C, V>, D, N>,
 ) -> !
@@ -96,7 +96,7 @@ where
 /// Runs a managed port like [`managed_run`], but a slave answers with `model` in place of the port's arrays.
 ///
 /// # Cancellation
-/// As [`managed_run`].
+/// Safe like [`managed_run`].
 pub async fn managed_serve<L, R, C, V, D, M, const N: usize>(
     port: &'static ManagedPort<L, PortRegisters<R, C, V>, D, N>,
     model: &Shared<M>,
@@ -112,14 +112,14 @@ where
     run!(port, model)
 }
 
-/// What a port does with a lent frame.
+/// The purpose for which a port has a lent frame.
 #[derive(Clone, Copy)]
 enum Purpose {
     /// Sends `len` bytes without a request: text, or the answer to a routed request.
     Send { len: u8 },
-    /// Shows it to the capture: the port is a sniffer.
+    /// Shows the frame to the capture: the port is a sniffer.
     Show,
-    /// Answers it, or forwards it to the router.
+    /// Answers the frame, or forwards it to the router.
     Answer {
         plan: Plan,
         router: Option<&'static dyn Gateway>,
@@ -148,23 +148,23 @@ fn seen<'a, L: Line>(
 }
 
 impl<L: Line, P, D: Diagnostics, const N: usize> ManagedPort<L, P, D, N> {
-    /// The mode is changed by the task that asks this.
+    /// Whether the port is a sniffer. Only the task that calls this changes the mode.
     fn is_sniffer(&self) -> bool {
         L::HAS_NEIGHBOURS && self.mode.get() == Mode::Sniffer
     }
 
-    /// Whether it prints, as far as its line is concerned.
+    /// Whether the framing of the line lets the port print.
     fn prints(&self) -> bool {
         self.config.get().framing == Framing::Text
     }
 
-    /// Who asks `unit` on another port.
+    /// The router that asks `unit` on another port.
     fn router_to(&self, unit: u8) -> Option<&'static dyn Gateway> {
         let router = self.router.filter(|_| L::HAS_NEIGHBOURS)?;
         (unit != self.server.unit() && router.has_route(unit)).then_some(router)
     }
 
-    /// Whoever was waiting for a routed answer has given it up.
+    /// Reports to the router that the client no longer waits for a routed answer.
     fn give_up_routed(&self) {
         if L::HAS_NEIGHBOURS
             && let Some(router) = self.router
@@ -173,7 +173,7 @@ impl<L: Line, P, D: Diagnostics, const N: usize> ManagedPort<L, P, D, N> {
         }
     }
 
-    /// Whether there is something to be sent that nobody on the line has just asked for.
+    /// Ready when the port has something to send that no node on the line has just asked for.
     fn poll_own(&self, context: &mut Context<'_>) -> Poll<()> {
         match (self.mode.get(), self.text_source, self.router) {
             (Mode::Sniffer, Some(text_source), _) if self.prints() => {
@@ -184,12 +184,12 @@ impl<L: Line, P, D: Diagnostics, const N: usize> ManagedPort<L, P, D, N> {
         }
     }
 
-    /// What the port says of itself, if it is a sniffer that prints.
+    /// The source of the text that the port prints, if the port is a sniffer.
     fn text_source(&self) -> Option<&'static dyn TextSource> {
         self.text_source.filter(|_| self.is_sniffer())
     }
 
-    /// Puts into `adu` what is to be sent unasked: some text, or the answer to a routed request. Gives its length, 0 for nothing.
+    /// Puts bytes to send without a request into `adu`: text, or the answer to a routed request. Gives their number, 0 for none.
     #[inline(never)]
     fn write_unsolicited(&self, adu: &mut Adu) -> u8 {
         match (self.text_source(), self.router) {
@@ -208,7 +208,7 @@ where
     V: Rules + 'static,
     D: Diagnostics,
 {
-    /// A frame to attend to, empty if it is to be filled, or `None` if something was loaded that is to be followed.
+    /// Waits for a frame to attend to, empty if the port is to fill it. `None` if loaded settings are to take effect.
     fn next(&'static self) -> impl Future<Output = Option<Frame<'static, L>>> {
         poll_fn(|context| {
             if let Poll::Ready(frame) = self.requests.poll(context) {
@@ -225,7 +225,7 @@ where
         })
     }
 
-    /// Mode and line as they are to be: of what was started, else as loaded. What was loaded behind START is for later.
+    /// The mode and line to put into effect: those of a started transaction, else the loaded ones. Values loaded after START wait.
     fn target(&self) -> (Mode, LineConfig) {
         match self.started.get() {
             Some(started) => (Mode::Master, started.line),
@@ -237,8 +237,8 @@ where
         }
     }
 
-    /// Puts mode and line into effect, until they are what was loaded last. No request is being answered, and none waits
-    /// to be: the task takes them before it comes here.
+    /// Puts mode and line into effect, until they are the ones loaded last. No request is being answered, and none waits for an
+    /// answer: the task takes requests before it calls this.
     async fn follow(&'static self) {
         loop {
             let (mode, line) = self.target();
@@ -249,12 +249,12 @@ where
             if mode != Mode::Master {
                 self.exchange.close();
             }
-            // A client may be in the middle of a request.
+            // Makes the line neither `Send` nor `Sync`: it is not to be used from an interrupt.
             let _turn = self.exchange.hold().await;
             if line != self.config.get() {
-                // What is heard until then is of neither.
+                // A frame that is heard until then belongs to neither setting.
                 self.mode.set(Mode::Off);
-                // Checked before it was accepted.
+                // The settings were checked before they were accepted.
                 let _ = self.line.configure(line).await;
                 self.config.set(line);
             }
@@ -265,7 +265,7 @@ where
         }
     }
 
-    /// Attends to one frame, from the moment it is there until it is given back.
+    /// Attends to one frame, from its arrival until it is given back.
     fn attend<M: DataModel>(
         &self,
         model: &Shared<M>,
@@ -285,7 +285,7 @@ where
         }
     }
 
-    /// Fills an empty frame, or works out the answer to a request, and releases what may be sent. `None` if an empty
+    /// Fills an empty frame, or works out the answer to a request, and releases the bytes that may be sent. `None` if an empty
     /// frame stays empty.
     #[inline(always)]
     fn begin<M: DataModel>(
@@ -307,7 +307,7 @@ where
         Some((Purpose::Answer { plan, router }, answer))
     }
 
-    /// Carries out what was planned for a frame that stands. `false` if nothing is sent after it.
+    /// Carries out the plan for a frame that stands. `false` if nothing is sent after it.
     #[inline(always)]
     fn on_stands<M: DataModel>(
         &self,
@@ -316,7 +316,7 @@ where
         purpose: Purpose,
     ) -> bool {
         let Purpose::Answer { plan, router } = purpose else {
-            // What does not stand is heard again as a damaged frame.
+            // A frame that does not stand is heard again, as a damaged frame.
             self.line.show(Ok(answer.heard()));
             return false;
         };
@@ -331,7 +331,7 @@ where
     #[inline(always)]
     fn on_sent(&self, purpose: Purpose, is_out: bool) {
         match purpose {
-            // Whoever talks instead of waiting for an answer has given it up; text is said again.
+            // A client that sends instead of waiting for an answer has given it up. Text that was not sent is sent again.
             Purpose::Send { len } => {
                 if is_out && let Some(text_source) = self.text_source() {
                     text_source.sent(len);
@@ -341,7 +341,7 @@ where
         }
     }
 
-    /// Request by request.
+    /// Runs a transaction request by request.
     fn transact(&'static self, started: Started) -> impl Future<Output = ()> {
         let client: Client<L, N> = self.client(started.times);
         let mut transaction = started.transaction;
@@ -389,7 +389,7 @@ where
             .with(|registers| registers.finish(status, error));
         self.done.put(outcome);
         let [first, second] = &self.events;
-        // The oldest is dropped for one more.
+        // A new outcome replaces the oldest.
         match (first.get(), second.get()) {
             (None, _) => first.set(Some(outcome)),
             (_, older) => {
@@ -403,11 +403,11 @@ where
     }
 }
 
-/// A step as the client sends it. What it writes is in the array until it is sent.
+/// A step as the client sends it. The values that it writes stay in the array until it is sent.
 struct Described<'a, R, C, V> {
     registers: &'a Shared<PortRegisters<R, C, V>>,
     step: &'a TransactionStep,
-    /// What a single write was sent with; the array may have another value when the echo comes.
+    /// The value that a single write was sent with. The array may have another value when the echo comes.
     value: Cell<u16>,
 }
 

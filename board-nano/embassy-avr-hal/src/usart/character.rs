@@ -1,9 +1,9 @@
-//! The receive interrupt: what happens once per character on the bus.
+//! The receive interrupt, which runs once per character on the bus.
 //!
-//! At 1 Mbaud a character takes 160 cycles, so the common case, the next good character of a frame, is
-//! written by hand: it stores the byte, steps the CRC and moves the end of the silence on. LLVM makes
-//! half as much again of the same in Rust. Everything else is decided in Rust, by
-//! the line's state machine, which the common case does not save registers for.
+//! At 1 Mbaud a character takes 160 cycles. The common case, the next good character of a frame, is therefore written by
+//! hand: it stores the byte, steps the CRC and moves the end of the silence on. The same in Rust comes out half as long
+//! again from LLVM. The line's state machine decides every other case, in Rust; the common case does not save registers for
+//! it.
 
 use core::arch::asm;
 use core::cell::UnsafeCell;
@@ -16,7 +16,7 @@ use super::settings::Framings;
 use super::state::{ADU, SHARED};
 use crate::gpio::DriverEnable;
 
-/// What the interrupt touches for every character, in one place.
+/// The state that the interrupt uses for every character, in one place.
 #[repr(C)]
 pub(super) struct Hot {
     /// Bytes stored, modulo 256.
@@ -28,7 +28,7 @@ pub(super) struct Hot {
     pub to_complete: u16,
 }
 
-/// [`Hot`], for the line's interrupts and for code with interrupts off.
+/// The cell of [`Hot`], for the line's interrupts and for code with interrupts off.
 pub(super) struct HotCell(UnsafeCell<Hot>);
 
 // SAFETY: as for `SHARED`.
@@ -42,17 +42,17 @@ pub(super) static HOT: HotCell = HotCell(UnsafeCell::new(Hot {
 }));
 
 impl Hot {
-    /// The one there is.
+    /// Gives the one [`Hot`] of the line.
     ///
     /// # Safety
     /// In an interrupt of the line, or with interrupts off; one reference at a time.
     #[inline(always)]
     pub unsafe fn get() -> &'static mut Hot {
-        // SAFETY: as demanded above.
+        // SAFETY: the caller keeps the rules above.
         unsafe { &mut *HOT.0.get() }
     }
 
-    /// Ready for the first byte of a frame.
+    /// Prepares for the first byte of a frame.
     #[inline(always)]
     pub fn restart(&mut self) {
         self.len = 0;
@@ -66,7 +66,7 @@ impl Hot {
         self.full != 0
     }
 
-    /// What has come in, taken for a whole frame.
+    /// The received bytes, taken for a whole frame.
     #[inline(always)]
     pub fn finish(&self) -> Received {
         Reception::from_parts(u16::from_le_bytes(self.crc), self.len, self.is_full()).finish()
@@ -78,23 +78,23 @@ impl Hot {
 /// an ASCII frame.
 const ATTENTION: *mut u8 = 0x4A as *mut u8;
 
-/// Sets or clears it.
+/// Sets or clears the flag for the next character.
 #[inline(always)]
 pub(crate) fn set_attention(needed: bool) {
     // SAFETY: a plain storage register, used by the line only.
     unsafe { ATTENTION.write_volatile(needed as u8) }
 }
 
-/// USART Receive Complete.
+/// Handles the interrupt USART Receive Complete.
 ///
 /// # Safety
-/// From that interrupt only.
+/// Only the interrupt USART Receive Complete may call this.
 #[inline(always)]
 pub(super) unsafe fn on_character<DE: DriverEnable, F: Framings>() {
-    // SAFETY: touches the registers of the line and what `Hot` and `ADU` hold; only a frame without
-    // errors is stored, and one that begins while the buffer is not free has a flaw. Around the call it
-    // saves what the calling convention lets a function change, but for what is declared below; r0 and SREG are
-    // saved by the interrupt.
+    // SAFETY: this touches the registers of the line and the contents of `Hot` and `ADU`. Only a frame without errors is
+    // stored, and a frame that begins while the buffer is not free has an error. Around the call this saves the
+    // registers that the calling convention lets a function change, except those declared below; the interrupt saves r0
+    // and SREG.
     unsafe {
         asm!(
             // OCR1B = TCNT1 + to_complete, low byte read first, high byte written first (DS 16.3).
@@ -161,7 +161,7 @@ pub(super) unsafe fn on_character<DE: DriverEnable, F: Framings>() {
             "sts {hot}+3, r25",
             "out 0x2A, r25",
             "rjmp 5b",
-            // Not simply the next character. The answer says whether there is a byte to be stored, and which.
+            // Not the common case. The result tells whether there is a byte to store, and which byte.
             "3: push r20",
             "push r21",
             "push r22",
@@ -192,8 +192,8 @@ pub(super) unsafe fn on_character<DE: DriverEnable, F: Framings>() {
     }
 }
 
-/// Called by [`on_character`] with the error bits of UCSR0A: not 0 in the lower half if the byte in the upper half is to be
-/// stored. Where that is not the one that came, that one is in the USART still, and RXC calls again (DS 20.7.3).
+/// Handles a character for [`on_character`] with the error bits of UCSR0A. If the lower half of the result is not 0, the upper half
+/// is to be stored. If that byte is an earlier one, the new one is still in the USART, and RXC calls again (DS 20.7.3).
 extern "C" fn on_unusual_character<DE: DriverEnable, F: Framings>(errors: u8) -> u16 {
     // SAFETY: in the interrupt.
     match unsafe { &mut *SHARED.get() }.on_unusual_character::<DE, F>(errors) {

@@ -1,30 +1,30 @@
 //! USART0 as the [`Chip`] of a line: frames out of silence, answers at t3.5, DE. `multidrop::line::ChipLine` makes a line of it.
 //!
-//! The receive interrupt stores byte and CRC and sets Timer1's compare B to the end of the silence
-//! that would complete the frame; no task is woken per byte. Compare B completes the frame at t1.5,
-//! judges it when 23/24 of t3.5 are over, and at t3.5 starts an answer that is ready by then from within
-//! the interrupt.
+//! The receive interrupt stores byte and CRC and sets compare B of Timer1 to the end of the silence that
+//! would complete the frame; no task is woken per byte. Compare B completes the frame at t1.5 and judges it
+//! when 23/24 of t3.5 are over. At t3.5 it starts an answer that is ready by then, from within the
+//! interrupt.
 //!
-//! RXC comes at the end of a character, so by itself it tells only a whole character late that one
-//! began within t1.5. The pin-change flag of RXD is used as a start-bit detector: polled when compare B
-//! matches, never as an interrupt, but while a task waits for an edge on port D by [`edge`](crate::edge). PCIE2 enabled
-//! otherwise is not supported: start bits are no longer seen then.
+//! RXC comes at the end of a character, so by itself it shows only a whole character late that the character began within t1.5. The
+//! pin-change flag of RXD serves as a start-bit detector. It is polled when compare B matches; it interrupts only while a task
+//! waits for an edge on port D by [`edge`](crate::edge). PCIE2 enabled otherwise is not supported: start bits are no longer seen
+//! then.
 //!
-//! ASCII is there where the type asks for it ([`RtuAndAscii`]): characters begin and end a frame, each is
-//! decided in Rust, and compare B counts the second between them in parts of 25 ms, since Timer1 has 16
+//! A line has ASCII if its type asks for it ([`RtuAndAscii`]). Characters then begin and end a frame, and Rust code
+//! handles each character. Compare B counts the second between two characters in parts of 25 ms, since Timer1 has 16
 //! bits.
 //!
-//! DE_LEAD and RESPONSE_DELAY are there where the type asks for them ([`Delayed`]): a delay beyond the timer's 16 bits is
-//! counted in parts.
+//! A line has DE_LEAD and RESPONSE_DELAY if its type asks for them ([`Delayed`]). A delay beyond the timer's 16 bits is counted in
+//! parts.
 //!
-//! Silences of more than 65535 ticks, of slow lines and of gaps that end a frame, are counted in parts where the type asks
-//! for it ([`Slow`]); a line without pays nothing.
+//! Silences of more than 65535 ticks, on slow lines and for gaps that end a frame, are counted in parts if the type asks for it
+//! ([`Slow`]). A line without [`Slow`] pays nothing.
 //!
-//! An application may keep interrupts off for the time of two characters. What is longer may lose one: its frame is dropped and told
-//! as an overrun. An answer that would have begun meanwhile begins behind it.
+//! An application may keep interrupts off for the time of two characters. A longer time may lose a character: its frame is dropped
+//! and reported as an overrun. An answer that was due meanwhile begins after that time.
 //!
-//! Its interrupts wake tasks through [`executor::run`](crate::executor::run), which has to be the one that
-//! runs them. They are bound by `USART0` in [`bind_interrupts!`](crate::bind_interrupts).
+//! The interrupts wake tasks through [`executor::run`](crate::executor::run), which must run the tasks of the line.
+//! [`bind_interrupts!`](crate::bind_interrupts) binds the interrupts by `USART0`.
 
 mod character;
 mod parts;
@@ -48,7 +48,7 @@ pub(crate) use character::set_attention;
 pub use settings::{Delayed, Delaying, Delays, Framings, RtuAndAscii, RtuOnly, Settings, Slow};
 use state::{Driven, SHARED, State};
 
-/// With interrupts off.
+/// Calls `f` with the state of the USART, with interrupts off.
 #[inline(always)]
 fn with<R>(f: impl FnOnce(&mut State) -> R) -> R {
     critical_section::with(|_| {
@@ -67,21 +67,21 @@ fn with<R>(f: impl FnOnce(&mut State) -> R) -> R {
 )]
 pub unsafe trait Bound<L> {}
 
-/// USART0 on RXD and TXD, with a DE pin (or [`NoDe`](crate::gpio::NoDe)), at a CPU clock of `CLOCK_HZ`, for
-/// the framings `F`: [`RtuOnly`] if not said otherwise, or [`RtuAndAscii`].
+/// USART0 on RXD and TXD, with a DE pin (or [`NoDe`](crate::gpio::NoDe)), at a CPU clock of `CLOCK_HZ`, for the framings `F`:
+/// [`RtuOnly`] by default, or [`RtuAndAscii`].
 pub struct Usart0<DE, const CLOCK_HZ: u32, F = RtuOnly> {
     _types: PhantomData<*const (DE, F)>,
 }
 
 impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F> {
-    /// DE low. The bus is not driven. Receiver and transmitter stay off until the line is set up.
+    /// Takes the USART with DE low: the bus is not driven. Receiver and transmitter stay off until the line is set up.
     ///
-    /// The peripherals are taken so that nobody else has them, the token so that the interrupts are bound to this type.
+    /// The peripherals are taken so that no other code has them. The token proves that the interrupts are bound to this type.
     pub fn new(_: USART0, _: &TC1, _: PD0, _: PD1, _: DE, _: impl Bound<Self>) -> Self {
         timer1::start();
         DE::init();
-        // The output of the transceiver's receiver floats while DE is up. The pull-up stays the port's with RXEN on (DS 14.3.3,
-        // RXD).
+        // The output of the transceiver's receiver floats while DE is up. With RXEN on, the port still controls the pull-up (DS
+        // 14.3.3, RXD).
         hold_rxd_high();
         Self {
             _types: PhantomData,
@@ -91,7 +91,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
     /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
-    /// From the interrupt of this name only.
+    /// Only the interrupt of this name may call this.
     #[doc(hidden)]
     #[inline(always)]
     pub unsafe fn on_character() {
@@ -102,7 +102,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
     /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
-    /// From the interrupt of this name only.
+    /// Only the interrupt of this name may call this.
     #[doc(hidden)]
     #[inline(always)]
     pub unsafe fn on_silence() {
@@ -113,7 +113,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
     /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
-    /// From the interrupt of this name only.
+    /// Only the interrupt of this name may call this.
     #[doc(hidden)]
     #[inline(always)]
     pub unsafe fn on_ready() {
@@ -125,7 +125,7 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
     /// The interrupt handler, called by [`bind_interrupts!`](crate::bind_interrupts).
     ///
     /// # Safety
-    /// From the interrupt of this name only.
+    /// Only the interrupt of this name may call this.
     #[doc(hidden)]
     #[inline(always)]
     pub unsafe fn on_sent() {
@@ -142,11 +142,11 @@ impl<DE: DriverEnable, const CLOCK_HZ: u32, F: Framings> Usart0<DE, CLOCK_HZ, F>
         crate::fault::abort::<DE>()
     }
 
-    /// The CPU clock, for who binds the watchdog.
+    /// The CPU clock, for the code that binds the watchdog.
     #[doc(hidden)]
     pub const CLOCK_HZ: u32 = CLOCK_HZ;
 
-    /// Half of the watchdog's time is over: whether no frame is lent for too long. For who binds the watchdog.
+    /// Whether no frame is lent for too long. The code that binds the watchdog calls this after half of the watchdog's time.
     #[doc(hidden)]
     #[inline(always)]
     pub fn half_is_over(half: u16) -> bool {

@@ -1,5 +1,5 @@
-//! What only some lines keep: for ASCII, for slow lines, for delays. Each stands apart, so that it takes no RAM in an image whose
-//! line has no use for it.
+//! State that only some lines keep: for ASCII, for slow lines, for delays. Each is a static of its own, so that it takes no RAM in
+//! an image whose line does not use it.
 
 use core::cell::UnsafeCell;
 
@@ -7,7 +7,7 @@ use multidrop_protocol::line::Ascii;
 
 use super::settings::{Delays, Long};
 
-/// What is for ASCII, apart from [`State`](super::state::State) so that it takes no RAM where nobody refers to it.
+/// The state for ASCII, apart from [`State`](super::state::State) so that it takes no RAM where no code refers to it.
 pub(super) struct AsciiState {
     pub is_on: bool,
     pub ascii: Ascii,
@@ -24,18 +24,18 @@ static ASCII: AsciiCell = AsciiCell(UnsafeCell::new(AsciiState {
 }));
 
 impl AsciiState {
-    /// The one there is.
+    /// Gives the one state for ASCII.
     ///
     /// # Safety
     /// In an interrupt of the line, or with interrupts off; one reference at a time.
     #[inline(always)]
     pub unsafe fn get() -> &'static mut AsciiState {
-        // SAFETY: as demanded above.
+        // SAFETY: the caller keeps the rules above.
         unsafe { &mut *ASCII.0.get() }
     }
 }
 
-/// What is for slow lines, apart from [`State`](super::state::State) for the same reason.
+/// The state for slow lines, apart from [`State`](super::state::State) for the same reason as [`AsciiState`].
 struct LongCell(UnsafeCell<Long>);
 
 // SAFETY: as for `SHARED` of [`state`](super::state).
@@ -50,27 +50,27 @@ static LONG: LongCell = LongCell(UnsafeCell::new(Long {
 }));
 
 impl Long {
-    /// The one there is.
+    /// Gives the one [`Long`] of the line.
     ///
     /// # Safety
     /// In an interrupt of the line, or with interrupts off; one reference at a time.
     #[inline(always)]
     pub unsafe fn get() -> &'static mut Long {
-        // SAFETY: as demanded above.
+        // SAFETY: the caller keeps the rules above.
         unsafe { &mut *LONG.0.get() }
     }
 }
 
-/// [`Chip::set_delimiter`](multidrop_protocol::line::Chip::set_delimiter); with interrupts off.
+/// Does what [`Chip::set_delimiter`](multidrop_protocol::line::Chip::set_delimiter) demands, with interrupts off.
 pub(super) fn set_delimiter(delimiter: u8) {
     // SAFETY: interrupts are off.
     unsafe { AsciiState::get() }.ascii.set_delimiter(delimiter);
 }
 
-/// What an answer waits for, apart from [`State`](super::state::State) so that it takes no RAM where no answer does.
+/// The delays of an answer, apart from [`State`](super::state::State) so that they take no RAM where no answer is delayed.
 pub(super) struct DelayState {
     pub set: Delays,
-    /// Ticks of the delay behind t3.5 that are left.
+    /// Ticks that are left of the delay after t3.5.
     pub left: u32,
 }
 
@@ -88,13 +88,13 @@ static DELAYS: DelayCell = DelayCell(UnsafeCell::new(DelayState {
 }));
 
 impl DelayState {
-    /// The one there is.
+    /// Gives the one state of the delays.
     ///
     /// # Safety
     /// In an interrupt of the line, or with interrupts off; one reference at a time.
     #[inline(always)]
     pub unsafe fn get() -> &'static mut DelayState {
-        // SAFETY: as demanded above.
+        // SAFETY: the caller keeps the rules above.
         unsafe { &mut *DELAYS.0.get() }
     }
 }

@@ -1,4 +1,4 @@
-//! USART0 as the line uses it, and the pin-change flag that stands in for a start-bit detector.
+//! USART0 as the line uses it, and the pin-change flag that serves as a start-bit detector.
 
 use multidrop_protocol::frame::ReceiveErrors;
 
@@ -7,7 +7,7 @@ use crate::edge;
 use crate::pac::EXINT;
 use crate::usart0::{DOR, FE, RXCIE, RXEN, TXCIE, TXEN, UDRIE, UPE, Usart};
 
-/// PCINT16, which is RXD, of PCMSK2 (DS 13.2.6): the start-bit detector is [`edge`](crate::edge)'s.
+/// PCINT16 of PCMSK2, the bit of RXD (DS 13.2.6). The start-bit detector is in [`edge`](crate::edge).
 const PCINT16: u8 = 1 << 0;
 
 fn exint() -> &'static crate::pac::exint::RegisterBlock {
@@ -15,7 +15,7 @@ fn exint() -> &'static crate::pac::exint::RegisterBlock {
     unsafe { &*EXINT::ptr() }
 }
 
-/// What the error bits of UCSR0A mean.
+/// The receive errors that the error bits of UCSR0A report.
 #[inline(always)]
 pub(super) fn errors(status: u8) -> ReceiveErrors {
     let mut errors = ReceiveErrors::NONE;
@@ -31,7 +31,7 @@ pub(super) fn errors(status: u8) -> ReceiveErrors {
     errors
 }
 
-/// Baud rate, format, receiver and transmitter on.
+/// Sets baud rate and format, and turns receiver and transmitter on.
 pub(super) fn set_up<F: Framings>(settings: &Settings<F>) {
     // SAFETY: the values come from `Settings`, which makes valid ones only.
     unsafe {
@@ -45,21 +45,21 @@ pub(super) fn set_up<F: Framings>(settings: &Settings<F>) {
     listen();
 }
 
-/// Receiver on. What RXD did while it was off is no start bit: a transceiver may have heard itself.
+/// Turns the receiver on. An edge on RXD while the receiver was off is no start bit: a transceiver may have heard itself.
 #[inline(always)]
 pub(super) fn listen() {
     edge::clear_start_bit();
     Usart::control(RXCIE | RXEN | TXEN);
 }
 
-/// Receiver off, transmitter with its interrupts on, TXC of an earlier character cleared.
+/// Turns the receiver off, and the transmitter on with its interrupts. Clears TXC of an earlier character.
 #[inline(always)]
 pub(super) fn send(kept: &Kept) {
     clear_sent(kept);
     Usart::control(TXCIE | UDRIE | TXEN);
 }
 
-/// Receiver off, transmitter without interrupts.
+/// Turns the receiver off, and the transmitter on without interrupts.
 #[inline(always)]
 pub(super) fn hold() {
     Usart::control(TXEN);
@@ -71,7 +71,7 @@ pub(super) fn clear_sent(kept: &Kept) {
     Usart::clear_sent(kept.ucsra);
 }
 
-/// The last byte is in the USART: UDRE would interrupt for ever.
+/// Turns the interrupt UDRE off, which would never end: the last byte is in the USART.
 #[inline(always)]
 pub(super) fn nothing_more() {
     Usart::control(TXCIE | TXEN);

@@ -11,29 +11,29 @@ use crate::baud::{divisor, slowest};
 use crate::timer1::PRESCALER;
 use crate::usart0::{U2X, ucsrc};
 
-/// Ticks that pass at least between RXC and the reading of the timer in one interrupt (26 cycles), and
-/// between the alarm and the look at the start-bit detector in the other (45 cycles): 71 cycles make 8.9
-/// ticks, of which one is left for the timer's own resolution and one for good measure.
+/// Ticks that pass at least between RXC and the reading of the timer in one interrupt (26 cycles), and between the alarm and the
+/// check of the start-bit detector in the other interrupt (45 cycles). 71 cycles make 8.9 ticks, of which one is left for the
+/// timer's own resolution and one for good measure.
 const LATENCY: u32 = 6;
 
 /// A client judges a frame half way from t1.5 to t3.5: above 19200 baud it has 500 us to make its next request.
 const JUDGED_EARLY_CLIENT: u32 = 2;
 
-/// What a line can be set up for, as a type: what is for ASCII, or for slow lines, is not in an image whose line
-/// has no use for it.
+/// The framings, silences and delays that a line can be set up for, as a type. An image has no code for ASCII or slow lines if its
+/// line does not use it.
 pub trait Framings: 'static {
-    /// Whether ASCII is among them; RTU always is.
+    /// Whether ASCII is among the framings; RTU always is.
     const ASCII: bool;
     /// Whether silences may be longer than Timer1's 65535 ticks, 32.7 ms at 16 MHz: t3.5 below some 1400 baud, gaps of
     /// [`InterCharacter::Gap`](multidrop_protocol::port_registers::InterCharacter::Gap) above 30 ms.
     const SLOW: bool = false;
-    /// What there is for DE_LEAD and RESPONSE_DELAY: [`Delays`], or `()` for nothing.
+    /// The type of DE_LEAD and RESPONSE_DELAY: [`Delays`], or `()` for a line without them.
     type Delays: Delaying;
 }
 
-/// [`Delays`], or `()`. Sealed.
+/// Either [`Delays`] or `()`. Sealed.
 pub trait Delaying: sealed::Sealed + Copy + core::fmt::Debug + PartialEq {
-    /// Whether an answer can wait, and DE go up before it.
+    /// Whether an answer can wait, and DE can go up before it.
     const ARE_THERE: bool;
     #[doc(hidden)]
     fn get(self) -> Delays;
@@ -62,21 +62,21 @@ impl Delaying for Delays {
     }
 }
 
-/// Makes one of the two out of what may have to be dropped.
+/// Turns [`Delays`] into the wanted type, which is [`Delays`] or `()`.
 union Made<D: Delaying> {
     given: Delays,
     wanted: D,
 }
 
-/// RTU, for good.
+/// RTU and no other framing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RtuOnly {}
 
-/// RTU or ASCII, at any time.
+/// RTU or ASCII, as the line is set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RtuAndAscii {}
 
-/// The framings `F`, and settings that have an answer wait: DE_LEAD and RESPONSE_DELAY.
+/// The framings `F`, with settings that delay an answer: DE_LEAD and RESPONSE_DELAY.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Delayed<F>(PhantomData<F>);
 
@@ -86,7 +86,7 @@ impl<F: Framings> Framings for Delayed<F> {
     const SLOW: bool = F::SLOW;
 }
 
-/// What `F` is for, and slow lines beside: silences of any length that the settings know.
+/// The framings `F`, on slow lines too: silences of any length that the settings allow.
 pub struct Slow<F>(PhantomData<F>);
 
 impl<F: Framings> Framings for Slow<F> {
@@ -105,15 +105,15 @@ impl Framings for RtuAndAscii {
     type Delays = ();
 }
 
-/// Everything about a line that depends on its configuration and the clock.
+/// All values of a line that follow from its configuration and the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings<F: Framings> {
     pub(crate) ubrr: u16,
     pub(crate) ucsrc: u8,
-    /// Data bits of a character; and [`ASCII`].
+    /// Data bits of a character, and the flag [`ASCII`].
     character: u8,
-    /// Of `to_complete` the further parts in the lower half, of `kept.to_stand` in the upper one. The compiler keeps settings in
-    /// RAM: what follows from others is not among them.
+    /// The further parts of `to_complete` in the lower half, those of `kept.to_stand` in the upper half. The compiler keeps
+    /// settings in RAM, so this struct has no values that follow from its others.
     parts: u8,
     /// Ticks from the moment in which a character is taken from the USART to the end of the silence
     /// that completes a frame; in ASCII a fortieth of a second.
@@ -123,27 +123,27 @@ pub struct Settings<F: Framings> {
     framings: PhantomData<F>,
 }
 
-/// In [`Settings`]' `character`: the framing is ASCII.
+/// The flag in `character` of [`Settings`]: the framing is ASCII.
 const ASCII: u8 = 1 << 7;
 
-/// Parts behind the first one of intervals that have such, and what of one is left without a character.
+/// The number of parts after the first one, for intervals that can have some, and the time to the judgement less one character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Long {
     pub(crate) to_complete: u8,
     pub(crate) to_stand: u8,
     pub(crate) to_stand_less_character: u8,
-    /// The first part of that.
+    /// The first part of the time to the judgement less one character.
     pub(crate) less_character: u16,
     pub(crate) t3_5: u8,
 }
 
-/// What of it is looked up later.
+/// The settings that the line reads after its setup.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Kept {
     pub(crate) ucsra: u8,
-    /// Ticks from there to the judgement; 0 where that is what completes a frame. In ASCII t3.5.
+    /// Ticks from the completion of a frame to its judgement; 0 where both are the same moment. In ASCII t3.5.
     pub(crate) to_stand: u16,
-    /// Ticks from there to t3.5.
+    /// Ticks from the judgement of a frame to t3.5.
     pub(crate) to_start: u16,
     /// Ticks of one character.
     pub(crate) character: u16,
@@ -151,7 +151,7 @@ pub(crate) struct Kept {
     pub(crate) t3_5: u16,
 }
 
-/// What an answer waits for, in ticks.
+/// The delays of an answer, in ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Delays {
     /// From DE to the first start bit.
@@ -163,15 +163,15 @@ pub struct Delays {
 impl<F: Framings> Settings<F> {
     /// Settings for `config` at a CPU clock of `clock_hz` (8 to 20 MHz).
     ///
-    /// RXC is set with sample 10 of the first stop bit, at double speed with sample 6 of 8 (DS 20.8.2), and
-    /// sample 1 is at most one sample late. The most that can be left of the character is added, rounded
-    /// up, and the least that the interrupts need is taken off: no interval is ever cut short.
+    /// RXC is set with sample 10 of the first stop bit, at double speed with sample 6 of 8 (DS 20.8.2), and sample 1 is at most one
+    /// sample late. The most that can be left of the character is added, rounded up. The least that the interrupts need is
+    /// subtracted. So no interval is ever cut short.
     ///
     /// # Errors
-    /// [`LineError::Delay`] for an answer that has to wait on a line that has no [`Delayed`];
-    /// [`LineError::Framing`] for ASCII on a line that has none, and for text; [`LineError::Format`] for RTU with seven
-    /// data bits; [`LineError::Flow`] for RTS/CTS; [`LineError::Baud`] for a rate that is off by more than 2.5 %, or
-    /// [too slow](crate::baud::slowest): below 154 baud at 8 MHz, 307 at 16, in ASCII twice that; [`LineError::Silence`] for silences over 65535 ticks where [`Framings::SLOW`] is off.
+    /// [`LineError::Delay`] for a delayed answer on a line without [`Delayed`]; [`LineError::Framing`] for ASCII on a line without
+    /// ASCII, and for text; [`LineError::Format`] for RTU with seven data bits; [`LineError::Flow`] for RTS/CTS;
+    /// [`LineError::Baud`] for a rate that is off by more than 2.5 %, or [too slow](crate::baud::slowest): below 154 baud at 8 MHz,
+    /// 307 at 16, in ASCII twice that; [`LineError::Silence`] for t3.5 and a character over 65535 ticks without [`Slow`].
     pub const fn new(config: &LineConfig, clock_hz: u32) -> Result<Self, LineError> {
         let tick_hz = clock_hz / PRESCALER;
         let (baud, format) = (config.baud, config.format);
@@ -219,7 +219,7 @@ impl<F: Framings> Settings<F> {
                 Role::Client => 0,
             },
         };
-        // SAFETY: `F::Delays` is `Delays`, or of no size.
+        // SAFETY: `F::Delays` is `Delays`, or `()`, which has no bytes.
         let delays = unsafe { Made { given }.wanted };
         let to_complete = intervals.to_complete;
         let to_stand = if is_ascii { t3_5 } else { intervals.to_stand() };
@@ -249,7 +249,7 @@ impl<F: Framings> Settings<F> {
         self.character & !ASCII
     }
 
-    /// What a slow line keeps beside.
+    /// The additional values that a slow line keeps.
     pub(crate) const fn long(&self) -> Long {
         let (of_complete, of_stand) = (self.parts & 0x0F, self.parts >> 4);
         let kept = &self.kept;

@@ -1,7 +1,7 @@
-//! What the interrupts and the futures of the line share: the state machine of
+//! The state that the interrupts and the futures of the line share: the state machine of
 //! [`protocol::line`](multidrop_protocol::line), and this chip as its [`Wire`].
 //!
-//! Four interrupts and the futures, with interrupts off, are the only users.
+//! Only four interrupts, and the futures with interrupts off, use this state.
 
 use core::cell::UnsafeCell;
 use core::marker::PhantomData;
@@ -22,10 +22,10 @@ use crate::gpio::DriverEnable;
 use crate::timer1;
 use crate::usart0::{UDRE, Usart};
 
-/// The buffer, apart from [`State`] so that it starts as zeros and takes no flash.
+/// The buffer of the line, apart from [`State`] so that it starts as zeros and takes no flash.
 pub(super) struct AduCell(UnsafeCell<Adu>);
 
-// SAFETY: the machine says who may use it.
+// SAFETY: the machine decides which code may use the buffer.
 unsafe impl Sync for AduCell {}
 
 pub(super) static ADU: AduCell = AduCell(UnsafeCell::new([0; 256]));
@@ -40,7 +40,7 @@ impl AduCell {
     }
 }
 
-/// [`State`] of the one USART.
+/// The cell of the [`State`] of the one USART.
 pub(super) struct Shared(UnsafeCell<State>);
 
 // SAFETY: used by interrupts, which do not nest, and with interrupts off.
@@ -68,24 +68,24 @@ fn set_compare(tick: u16) {
         .write(|w| unsafe { w.bits(tick) });
 }
 
-/// Moves OCR1B on from where it matched: intervals of one silence follow each other without drift.
+/// Moves OCR1B on from its last match, so that intervals of one silence follow each other without drift.
 #[inline(never)]
 fn advance_compare(ticks: u16) {
     let from = timer1::registers().ocr1b().read().bits();
     let soon = timer1::now().wrapping_add(OVERDUE);
     set_compare(if soon.wrapping_sub(from) >= ticks {
-        // This interrupt had to wait for as long as the interval: the timer would go round first.
+        // This interrupt had to wait for the whole interval: otherwise the timer would go round first.
         soon
     } else {
         from.wrapping_add(ticks)
     });
 }
 
-/// Ticks to an alarm that is overdue, or would be before this interrupt has ended, which is the one of higher priority (DS 12.4): a
-/// character that waits is looked at first, and moves the alarm.
+/// Ticks to an alarm that is overdue, or would be due before this interrupt has ended. This interrupt has the higher priority (DS
+/// 12.4): the ticks let a character that waits be handled first, and the character moves the alarm.
 const OVERDUE: u16 = 32;
 
-/// Ticks to an alarm at the least: enough for the compare register to be written before.
+/// The least ticks to an alarm: enough to write the compare register before.
 const SOON: u16 = 4;
 
 /// The chip, as it is set up, with its DE pin.
@@ -106,15 +106,15 @@ impl State {
         }
     }
 
-    /// The machine, and the chip for it.
+    /// The machine, and the chip as its wire.
     #[inline(always)]
     pub fn parts<DE, F>(&mut self) -> (&mut LineMachine, &mut Driven<DE, F>) {
         let kept: *mut Kept = &mut self.kept;
-        // SAFETY: it is a `Kept` by another name.
+        // SAFETY: `Driven` is a `Kept` by another name.
         (&mut self.machine, unsafe { &mut *kept.cast() })
     }
 
-    /// For how long a frame may be kept, in units of 1024 ticks: for the time of 256 characters, in ASCII twice as many, and for
+    /// For how long a frame may be kept, in units of 1024 ticks: for the time of 256 characters, in ASCII of twice as many, and for
     /// RESPONSE_DELAY.
     #[cfg(not(feature = "bare"))]
     #[inline(always)]
@@ -131,7 +131,7 @@ impl State {
         longest
     }
 
-    /// A character that is not simply the next good one of an RTU frame: a byte that is to be stored.
+    /// Handles a character that is not simply the next good one of an RTU frame. Returns a byte to store.
     #[inline(always)]
     pub fn on_unusual_character<DE: DriverEnable, F: Framings>(
         &mut self,
@@ -140,7 +140,7 @@ impl State {
         let errors = registers::errors(errors);
         edge::on_character();
         if F::SLOW {
-            // Characters that do not pass by here follow one that did, without an alarm between: nothing was counted since.
+            // Characters that skip this code follow one that did not, without an alarm between: no part was counted since.
             // SAFETY: in the interrupt.
             set_turns(unsafe { Long::get() }.to_complete);
         }
@@ -152,12 +152,12 @@ impl State {
         // SAFETY: in the interrupt.
         let full = unsafe { Hot::get() }.is_full();
         let store = machine.on_character(wire, errors, full);
-        // While edges are waited for, every character has to pass by here: see `edge`.
+        // While a task waits for edges, every character has to pass this code: see `edge`.
         set_attention(store.is_none() || edge::has_waits());
         store
     }
 
-    /// Timer1 Compare Match B.
+    /// Handles Timer1 Compare Match B.
     #[inline(always)]
     pub fn on_alarm<DE: DriverEnable, F: Framings>(&mut self) {
         if F::SLOW && !self.machine.is_sending() {
@@ -174,17 +174,17 @@ impl State {
     }
 }
 
-/// The ticks of `len` characters, of two for the CRC and of one more. The compiler takes three times as much flash for it.
+/// The ticks of `len` characters, of two for the CRC and of one more. In Rust this would take three times as much flash.
 #[inline(always)]
 fn bounded(character: u16, len: u8) -> u32 {
     let [low, high] = character.to_le_bytes();
     let (first, second, third): (u8, u8, u8);
-    // SAFETY: arithmetic in registers; r1 is 0 again behind it, and r0 may be anything.
+    // SAFETY: arithmetic in registers; r1 is 0 again after it, and r0 may have any value.
     unsafe {
         core::arch::asm!(
             "clr {second}",
             "clr {third}",
-            // 253 and more go over 255: 256 characters and the rest.
+            // A `len` of 253 or more goes over 255: 256 characters and the rest.
             "subi {len}, 0xFD",
             "brcs 2f",
             "mov {second}, {low}",
@@ -209,8 +209,8 @@ fn bounded(character: u16, len: u8) -> u32 {
     u32::from_le_bytes([first, second, third, 0])
 }
 
-/// GPIOR2 (DS 8.6.4): how often Timer1 still goes round before a transmission has to be over; on slow lines, while they do not
-/// send, how many parts the interval still has behind the one that runs.
+/// GPIOR2 (DS 8.6.4): how often Timer1 still goes round before a transmission has to be over. On slow lines, while they do not
+/// send, the number of parts that the interval still has after the current part.
 const TURNS: *mut u8 = 0x4B as *mut u8;
 
 #[inline(always)]
@@ -221,7 +221,7 @@ fn turns() -> u8 {
 
 #[inline(always)]
 fn set_turns(turns: u8) {
-    // SAFETY: as above.
+    // SAFETY: a plain storage register, used by the line only.
     unsafe { TURNS.write_volatile(turns) }
 }
 
@@ -259,7 +259,7 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<DE, F> {
         if !F::ASCII {
             return None;
         }
-        // SAFETY: in an interrupt of the line, or with interrupts off; the machine keeps none of these.
+        // SAFETY: in an interrupt of the line, or with interrupts off; the machine keeps no such reference.
         let state = unsafe { AsciiState::get() };
         state.is_on.then_some(&mut state.ascii)
     }
@@ -345,12 +345,12 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<DE, F> {
 
     #[inline(always)]
     fn adu(&self) -> &Adu {
-        // SAFETY: read while an answer is sent; those bytes are not changed then.
+        // SAFETY: these bytes are read while an answer is sent, and are not changed then.
         unsafe { &*ADU.get() }
     }
 
-    /// The receiver is off meanwhile: a transceiver that hears itself would otherwise fill it (DS 20.7.6:
-    /// switching it off empties it).
+    /// Keeps the receiver off: a transceiver that hears itself would otherwise fill the receiver (DS 20.7.6: switching the receiver
+    /// off empties it).
     #[inline(always)]
     fn talk(&mut self, first: u8) {
         DE::raise();
@@ -358,12 +358,12 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<DE, F> {
         Usart::put(first);
     }
 
-    /// Compare B matches when the part is over that is no whole turn of the timer, and again with each turn.
+    /// Compare B matches when the part of the limit is over that is no whole turn of the timer, and again with each turn.
     #[inline(always)]
     fn bound(&mut self, len: u8) {
         let mut ticks = bounded(self.0.character, len);
         if self.ascii().is_some() {
-            // `:`, two digits for each byte and for the LRC, CR, LF and one more: twice as many.
+            // `:`, two digits for each byte and for the LRC, CR, LF and one more character: twice as many.
             ticks *= 2;
         }
         let [first, second, turns, _] = ticks.to_le_bytes();
@@ -429,8 +429,8 @@ impl<DE: DriverEnable, F: Framings> Wire for Driven<DE, F> {
     fn put(&mut self, byte: u8, last: bool) {
         Usart::put(byte);
         if last {
-            // Had this interrupt come late, TXC would stand for the character before. The byte just
-            // written keeps it from being set anew for a whole character.
+            // If this interrupt came late, TXC would report the character before. The byte just written keeps TXC from being set
+            // again for a whole character.
             registers::clear_sent(&self.0);
         }
     }

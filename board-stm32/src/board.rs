@@ -1,4 +1,4 @@
-//! What an application does with the board: [`init`], open the ports it uses, [`run`] its tasks.
+//! The board for an application: [`init`] it, open the ports in use, [`run`] the tasks.
 
 use core::marker::PhantomData;
 use core::sync::atomic::{AtomicU8, Ordering};
@@ -15,21 +15,21 @@ use crate::usart::{self, Usart, registers};
 use crate::watchdog::{self, Dog, Roll, Watchdog};
 use crate::{Clock, fault, platform, stack};
 
-/// A port not opened yet: its pins are inputs.
+/// A port that is not opened yet: its pins are inputs.
 pub struct Closed<P>(PhantomData<P>);
 
 impl<P: Port> Closed<P> {
-    /// Sets the port up: pins with DE low, then receiver and transmitter on. The bus is not driven. It
-    /// listens once the bus was silent for t3.5.
+    /// Sets the port up: pins with DE low, then receiver and transmitter on. The bus is not driven. The port listens once the bus
+    /// was silent for t3.5.
     ///
-    /// Without the crystal ([`clock`]) a port whose rate would be off by more than 2.5 % stays off, until it is configured
-    /// for another.
+    /// Without the crystal ([`clock`]) a port whose rate would be off by more than 2.5 % stays off, until it is configured for
+    /// another rate.
     pub fn open(self, settings: PortSetup<P>) -> Usart {
         usart::open(P::INDEX, settings.line, settings.baud)
     }
 }
 
-/// The board: its ports, and what they do not need.
+/// The board: its ports, and the peripherals and pins that the ports do not need.
 pub struct Board {
     /// The port on USART1.
     pub as1: Closed<As1>,
@@ -37,7 +37,7 @@ pub struct Board {
     pub as2: Closed<As2>,
     /// The port on USART3.
     pub rs2: Closed<Rs2>,
-    /// UART4, with DE.
+    /// The port on UART4, with DE.
     pub rs4: Closed<Rs4>,
     /// The peripherals and pins that the ports do not need.
     pub free: Free,
@@ -45,8 +45,8 @@ pub struct Board {
 
 macro_rules! free {
     ($($letter:literal: $($number:literal $pin:ident)*;)* $($name:ident)*) => {
-        /// Peripherals and pins that the ports do not need, as `embassy-stm32` names them. PC0 to PC12 are the demonstration unit's
-        /// too, see [`outputs`].
+        /// Peripherals and pins that the ports do not need, as `embassy-stm32` names them. PC0 to PC12 also belong to the
+        /// demonstration unit, see [`outputs`].
         #[expect(non_snake_case, reason = "named as in embassy-stm32")]
         pub struct Free {
             $($(#[doc = concat!("Pin ", stringify!($pin), ".")] pub $pin: Peri<'static, peripherals::$pin>,)*)*
@@ -59,14 +59,14 @@ macro_rules! free {
             }
         }
 
-        // Whoever moves a pin of a port in `WIRING` takes it out of this list.
+        // A pin that `WIRING` gives to a port has to leave this list.
         const _: () = {
             $($(check_free(pin($letter, $number));)*)*
         };
     };
 }
 
-// Not here: SWD and JTAG (PA13 to PA15, PB3), the crystal (PH0, PH1), TIM2, TIM5, the watchdog, EXTI and what sets the clocks.
+// Not here: SWD and JTAG (PA13 to PA15, PB3), the crystal (PH0, PH1), TIM2, TIM5, the watchdog, EXTI and clock control.
 free! {
     'A': 5 PA5 6 PA6 7 PA7 8 PA8;
     'B': 0 PB0 1 PB1 2 PB2 4 PB4 5 PB5 6 PB6 7 PB7 8 PB8 9 PB9 12 PB12 15 PB15;
@@ -79,14 +79,14 @@ free! {
     DMA2_CH0 DMA2_CH1 DMA2_CH2 DMA2_CH3 DMA2_CH4 DMA2_CH5 DMA2_CH6 DMA2_CH7
 }
 
-/// Why the board has started, as its number; 0 before [`init`].
+/// The cause of the board's start, as its number; 0 before [`init`].
 static CAUSE: AtomicU8 = AtomicU8::new(0);
 
-/// Starts the watchdog, clocks, timers and interrupts, and gives the ports and all that they do not need. The first thing in
-/// `main`.
+/// Starts the watchdog, clocks, timers and interrupts, and gives the ports and everything that they do not need. To be called first
+/// in `main`.
 ///
 /// # Panics
-/// The second time.
+/// If it is called a second time.
 #[inline(always)]
 pub fn init(watchdog: Watchdog) -> Board {
     assert!(CAUSE.load(Ordering::Relaxed) == 0);
@@ -110,12 +110,12 @@ pub fn init(watchdog: Watchdog) -> Board {
     }
 }
 
-/// Why the board has started. [`ResetCause::report`] puts it into the diagnostic register.
+/// The cause of the board's start. [`ResetCause::report`] puts it into the diagnostic register.
 pub fn reset_cause() -> ResetCause {
     ResetCause::from_number(CAUSE.load(Ordering::Relaxed))
 }
 
-/// What the clocks are made of, once [`init`] has started them.
+/// The source of the clocks, once [`init`] has started them.
 pub fn clock() -> Clock {
     platform::clock()
 }
@@ -124,7 +124,7 @@ pub fn clock() -> Clock {
 /// as all tasks on the roll are alive.
 ///
 /// # Panics
-/// The second time.
+/// If it is called a second time.
 pub fn run<const N: usize>(roll: &'static Roll<N>, init: impl FnOnce(Spawner)) -> ! {
     platform::run(|spawner| {
         if Dog::IS_ON {
@@ -134,22 +134,22 @@ pub fn run<const N: usize>(roll: &'static Roll<N>, init: impl FnOnce(Spawner)) -
     })
 }
 
-/// For tests in QEMU: TIM2, the timer of `embassy-time`, wraps after this number of us. Before [`run`].
+/// For tests in QEMU: TIM2, the timer of `embassy-time`, wraps after this number of us. To be called before [`run`].
 #[cfg(feature = "qemu")]
 #[doc(hidden)]
 pub fn wrap_time_in(us: u32) {
     platform::wrap_time_in(us);
 }
 
-/// For tests in QEMU: TIM5, which measures the silence on the lines, wraps after this number of us, at most 80 s. While nothing
-/// is on any line.
+/// For tests in QEMU: TIM5, which measures the silence on the lines, wraps after this number of us, at most 80 s. To be called
+/// while all lines are silent.
 #[cfg(feature = "qemu")]
 #[doc(hidden)]
 pub fn wrap_line_timer_in(us: u32) {
     platform::wrap_line_timer_in(us);
 }
 
-/// Makes the demonstration unit's pins, [`LEDS`], outputs, all low, and returns what puts a register on them.
+/// Makes the demonstration unit's pins, [`LEDS`], outputs, all low. Returns a function that shows a register on them.
 pub fn outputs() -> impl FnMut(u16) {
     let show = |outputs| registers::write_gpioc(LEDS, outputs);
     show(0);
@@ -159,6 +159,6 @@ pub fn outputs() -> impl FnMut(u16) {
 
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo) -> ! {
-    // Never linked: `panic = "immediate-abort"`.
+    // Never linked, because of `panic = "immediate-abort"`.
     loop {}
 }

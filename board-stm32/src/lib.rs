@@ -7,24 +7,24 @@
 //! | PA2, PA3 | AS2 (USART2): TX, RX |
 //! | PB10, PB11 | RS2 (USART3): TX, RX; with PB13, PB14 CTS, RTS |
 //! | PA0, PA1, PA4 | RS4 (UART4): TX, RX, and DE of the RS-485 transceiver |
-//! | PC0..PC12 | free; the demonstration unit's LEDs. PC4 of the STM32-H405 senses the USB voltage: no cable there then |
+//! | PC0..PC12 | free; the demonstration unit's LEDs. PC4 of the STM32-H405 senses the USB voltage: no USB cable with these LEDs |
 //! | PA13, PA14 | SWD |
 //!
 //! Give DE a pull-down of 10 kOhm: no firmware holds the pin during reset and flashing.
 //!
-//! TIM5 measures the silence on the lines, TIM2 is `embassy-time`'s. Everything else is the application's, but
-//! for EXTI (the start-bit detectors, see [`usart`]) and, where AS1 has RTS/CTS, the pins of USB.
+//! TIM5 measures the silence on the lines, TIM2 is the timer of `embassy-time`. An application may use everything else, except EXTI
+//! (the start-bit detectors, see [`usart`]) and, where AS1 has RTS/CTS, the pins of USB.
 //!
-//! The clock is the crystal of 8 MHz. One that does not swing within 100 ms is done without: the chip's own oscillator takes its
-//! place, [`clock`] says so, and a port whose rate is then off by more than 2.5 % stays off until it is given another. That
-//! oscillator is off by 1 % at 25 degrees C, by 4 % from -10 to 85, by -8 to +4.5 % from -40 to 105 (DS, HSI oscillator
-//! characteristics): enough for a port to be reached, not for a bus in the cold.
+//! The clock is the crystal of 8 MHz. If the crystal does not swing within 100 ms, the chip's own oscillator takes its place,
+//! [`clock`] reports this, and a port whose rate is then off by more than 2.5 % stays off until it is configured for another rate.
+//! That oscillator is off by 1 % at 25 degrees C, by 4 % from -10 to 85, by -8 to +4.5 % from -40 to 105 (DS, HSI oscillator
+//! characteristics): enough to reach a port, not enough for a bus in the cold.
 //!
-//! Brown-out reset is a matter of the option bytes and off as the chip is delivered (RM0090 3.6.1, BOR_LEV): level 3, below
-//! 2.7 V, fits a board of 3.3 V. The firmware leaves them alone.
+//! The option bytes set brown-out reset, which is off as the chip is delivered (RM0090 3.6.1, BOR_LEV): level 3, below 2.7 V, fits
+//! a board of 3.3 V. The firmware does not change the option bytes.
 //!
-//! One source for the chip and for QEMU: feature `hardware`, on by default, or `qemu`. Feature `defmt` logs
-//! over RTT.
+//! The chip and QEMU have one source: feature `hardware`, on by default, or `qemu`. Feature `defmt` logs over
+//! RTT.
 //!
 //! "RM0090" is ST's reference manual for the STM32F405 (sections as in revision 19), "DS" its data sheet,
 //! DocID 022152.
@@ -62,7 +62,7 @@ pub use watchdog::Watchdog;
 #[cfg(target_arch = "arm")]
 pub use watchdog::{Dog, Roll};
 
-/// What the clocks are made of.
+/// The source of the clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
     /// The external crystal (HSE).
@@ -72,8 +72,8 @@ pub enum Clock {
 }
 
 impl Clock {
-    /// By how much it may be off, beside what a divider adds, in parts per million: 1 % at 25 degrees C for the chip's own
-    /// (DS, HSI oscillator characteristics); what a crystal is off by is far less.
+    /// By how much the clock may be off, beside the error of a divider, in parts per million: 1 % at 25 degrees C for the chip's
+    /// own oscillator (DS, HSI oscillator characteristics). The error of a crystal is far less.
     pub const fn error_ppm(self) -> u32 {
         match self {
             Clock::Crystal => 0,
@@ -82,14 +82,14 @@ impl Clock {
     }
 }
 
-/// The timer of the lines, in ticks per second: TIM5 behind its prescaler.
+/// The rate of the lines' timer, in ticks per second: TIM5 with its prescaler.
 pub const TICK_HZ: u32 = if cfg!(feature = "qemu") {
     50_000_000
 } else {
     42_000_000
 };
 
-/// Logs over RTT, as `defmt::info!`; nothing at all without the feature `defmt`.
+/// Logs over RTT, as `defmt::info!` does. Without the feature `defmt` it does nothing.
 #[macro_export]
 macro_rules! info {
     ($($text:tt)*) => {

@@ -1,5 +1,5 @@
-//! The four ports: which USART, which pins. To move a pin, change its line in [`WIRING`]; a pin in use
-//! twice stops the build.
+//! The four ports with their USARTs and pins. To move a pin, change its line in [`WIRING`]. The build stops if a pin is in use
+//! twice.
 
 use core::marker::PhantomData;
 
@@ -10,24 +10,24 @@ use multidrop::protocol::port_registers::{Duplex, Flow};
 
 use crate::usart::Settings;
 
-/// The clock of APB1 and the USARTs on it, in Hz: the fastest it may be (DS, general operating conditions).
+/// The clock of APB1 and the USARTs on it, in Hz: the highest that is allowed (DS, general operating conditions).
 pub const APB1_HZ: u32 = 42_000_000;
-/// The clock of APB2 and the USART on it, in Hz: half of what it may be, so that AS1 too makes 1200 baud (RM0090 30.6.3).
+/// The clock of APB2 and the USART on it, in Hz: half of the highest, so that AS1 too makes 1200 baud (RM0090 30.6.3).
 pub const APB2_HZ: u32 = 42_000_000;
 
-/// How many ports there are.
+/// The number of ports.
 pub const PORTS: usize = 4;
 
-/// A pin: of GPIOA, GPIOB or GPIOC, 0..=15.
+/// A pin of GPIOA, GPIOB or GPIOC, 0..=15.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pin {
     /// `'A'`, `'B'` or `'C'`.
     pub gpio: char,
-    /// The number in its port, 0..=15.
+    /// The number of the pin in its GPIO, 0..=15.
     pub number: u8,
 }
 
-/// A pin by its name.
+/// Makes a pin from its name.
 pub const fn pin(gpio: char, number: u8) -> Pin {
     assert!(matches!(gpio, 'A'..='C') && number < 16);
     Pin { gpio, number }
@@ -38,25 +38,25 @@ pub const fn pin(gpio: char, number: u8) -> Pin {
 pub struct Handshake {
     /// Clear to send, an input: the USART sends while it is low.
     pub cts: Pin,
-    /// Ready to receive, an output: low while the USART takes characters, and while the port sends, although it hears
-    /// nothing then (ES0182, RTS is active while RE or UE is 0).
+    /// Ready to receive, an output: low while the USART takes characters. It is low while the port sends too, although the port
+    /// hears nothing then (ES0182, RTS is active while RE or UE is 0).
     pub rts: Pin,
 }
 
-/// How a port is wired.
+/// The wiring of a port.
 #[derive(Clone, Copy, Debug)]
 pub struct Wiring {
     /// The name of the port.
     pub name: &'static str,
     /// The transmit pin.
     pub tx: Pin,
-    /// Receive. Its number is the EXTI line that sees start bits; no two ports may share one.
+    /// The receive pin. Its number is the EXTI line that sees start bits; no two ports may share a line.
     pub rx: Pin,
     /// The alternate function that connects these pins and those of the handshake to the USART (DS, alternate function mapping).
     pub function: u8,
-    /// Driver enable of the RS-485 transceiver.
+    /// The driver enable pin of the RS-485 transceiver.
     pub de: Option<Pin>,
-    /// Flow control, where its pins are free.
+    /// The pins of flow control, where they are free.
     pub handshake: Option<Handshake>,
     /// The clock of the USART, in Hz.
     pub clock_hz: u32,
@@ -68,10 +68,10 @@ pub const LEDS: u16 = 0x1FFF;
 
 /// The ports, in the order AS1 (USART1), AS2 (USART2), RS2 (USART3), RS4 (UART4).
 ///
-/// USART2's CTS and RTS would be PA0 and PA1, which are RS4; UART4 has none. DE is PA4, the next pin beside RS4's
-/// that no port, LED, debugger or oscillator uses. It is not PC12: there the STM32-H405 has its LED, through
-/// which a pin that is not driven goes high, and with it the bus would be driven during reset. PA0 is the
-/// button of that board too, which drives the pin while it is pressed.
+/// The pins PA0 and PA1, which USART2 would use for CTS and RTS, belong to RS4; UART4 has neither. DE is PA4, the next pin beside
+/// RS4's that no port, LED, debugger or oscillator uses. DE is not PC12: there the LED of the STM32-H405 takes a pin high that is
+/// not driven, so that the bus would be driven during reset. PA0 is the button of that board too, which drives the pin while it is
+/// pressed.
 pub const WIRING: [Wiring; PORTS] = [
     Wiring {
         name: "AS1",
@@ -119,7 +119,7 @@ pub const WIRING: [Wiring; PORTS] = [
 
 const _: () = check(&WIRING);
 
-/// A mask for [`check`]: one bit for each pin of the three ports.
+/// A mask for [`check`]: one bit for each pin of the three GPIOs.
 const fn bit(pin: Pin) -> u64 {
     1 << ((pin.gpio as u32 - 'A' as u32) * 16 + pin.number as u32)
 }
@@ -155,7 +155,7 @@ const fn check(ports: &[Wiring; PORTS]) {
     }
 }
 
-/// Stops the build if a port uses this pin, which is given to the application.
+/// Stops the build if a port uses the pin `free`, which is given to the application.
 pub(crate) const fn check_free(free: Pin) {
     let mut port = 0;
     while port < PORTS {
@@ -197,9 +197,9 @@ const fn wrong(wiring: &Wiring, pin: Pin, what: &str) -> ! {
         .fail()
 }
 
-/// A port as a type, so that settings worked out for one are not used for another.
+/// A port as a type, so that settings made for one port are not used for another.
 pub trait Port {
-    /// Its place in [`WIRING`].
+    /// The place of the port in [`WIRING`].
     const INDEX: usize;
 }
 
@@ -224,11 +224,11 @@ ports! {
     As2 = 1,
     /// The port on USART3.
     Rs2 = 2,
-    /// UART4, with DE.
+    /// The port on UART4, with DE.
     Rs4 = 3,
 }
 
-/// Settings of port `P`, made in a `const`: what the chip cannot do stops the build.
+/// Settings of port `P`, made in a `const`: settings that the chip cannot do stop the build.
 pub struct PortSetup<P> {
     pub(crate) line: Settings,
     pub(crate) baud: u32,
@@ -267,7 +267,7 @@ impl<P: Port> PortSetup<P> {
                 "the clock does not make it within 2.5 %, or the CPU cannot follow",
                 Some(nearest),
             ),
-            // `PortConfig` has checked the first; the line has all framings and delays, and the pins were looked at above.
+            // `PortConfig` has checked the first; the line has all framings and delays, and the pins were checked above.
             Err(
                 LineError::Format(_)
                 | LineError::Framing(_)

@@ -1,7 +1,7 @@
 //! The stack: painted at the start, measured on request, with a guard below it that no code may access.
 //!
-//! What lies below it are the static variables. The guard is a region of the MPU without access (ARMv7-M B3.5): who pushes
-//! into it faults, and the board starts anew as after any fault.
+//! The static variables lie below the stack. The guard is a region of the MPU without access (ARMv7-M B3.5): code that pushes into
+//! it faults, and the board starts anew as after any fault.
 
 use core::ptr::{read_volatile, write_volatile};
 
@@ -11,11 +11,11 @@ use multidrop::Stack;
 /// The byte that fills the free RAM at the start.
 const PAINT: u32 = 0xC5C5_C5C5;
 
-/// Bytes of the guard, a power of two: more than most functions take at once.
+/// The size of the guard in bytes, a power of two: more than most functions take at once.
 const GUARD: usize = 256;
 
 unsafe extern "C" {
-    /// The end of the static variables, and the other end of the stack, by the linker.
+    /// The end of the static variables, and the other end of the stack, from the linker.
     static __sheap: u32;
     static _stack_start: u32;
 }
@@ -28,22 +28,22 @@ fn guard() -> usize {
     (&raw const __sheap).addr().next_multiple_of(GUARD)
 }
 
-/// Bits of MPU_CTRL (ARMv7-M B3.5.5): on; everything outside of the regions as without it. In faults it is off.
+/// Bits of MPU_CTRL (ARMv7-M B3.5.5): the MPU is on; outside of its regions access is as without it. In faults it is off.
 const ENABLE: u32 = 1 << 0;
 const PRIVDEFENA: u32 = 1 << 2;
 
 /// MPU_RASR (ARMv7-M B3.5.9): no access (AP 0), nothing to execute (XN), a size of 2 to the power of SIZE + 1, on.
 const NO_ACCESS: u32 = 1 << 28 | (GUARD.ilog2() - 1) << 1 | 1;
 
-/// Paints the free RAM and puts up the guard. At the start of the program, once.
+/// Paints the free RAM and puts up the guard. To be called once, at the start of the program.
 pub(crate) fn paint_and_guard() {
     let from = guard() + GUARD;
     let to = cortex_m::register::msp::read() as usize - SPARED;
     for address in (from..to).step_by(size_of::<u32>()) {
-        // SAFETY: RAM between the static variables and what is in use of the stack; volatile, since it is only read by address.
+        // SAFETY: RAM between the static variables and the used part of the stack; volatile, since it is only read by address.
         unsafe { write_volatile(core::ptr::with_exposed_provenance_mut(address), PAINT) };
     }
-    // SAFETY: region 0 of eight is used only here; no static variable and nothing of the stack lies in it.
+    // SAFETY: region 0 of eight is used only here; no static variable and no part of the stack lies in it.
     unsafe {
         let mpu = &*MPU::PTR;
         mpu.rnr.write(0);
@@ -51,12 +51,12 @@ pub(crate) fn paint_and_guard() {
         mpu.rasr.write(NO_ACCESS);
         mpu.ctrl.write(ENABLE | PRIVDEFENA);
     }
-    // It counts from the next instruction on (ARMv7-M B3.5.1).
+    // The guard takes effect from the next instruction on (ARMv7-M B3.5.1).
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
 }
 
-/// How deep the stack has been.
+/// The size of the stack, and the most that has been in use.
 pub fn stack() -> Stack {
     let from = guard() + GUARD;
     let to = (&raw const _stack_start).addr();

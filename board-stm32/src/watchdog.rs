@@ -1,10 +1,10 @@
 //! The independent watchdog (RM0090 21), fed by a [roll](multidrop::roll) of tasks.
 //!
-//! Its clock is LSI, an oscillator of 17 to 47 kHz (DS, LSI oscillator characteristics): a time in ms is nominal, by 32 kHz, and
-//! may be shorter by a third or longer by nearly as much again. The roll is called three times within it, so that it is called
-//! twice within the shortest. Once it runs nothing stops it but a reset.
+//! Its clock is LSI, an oscillator of 17 to 47 kHz (DS, LSI oscillator characteristics). A time in ms is nominal, for 32 kHz: it
+//! may be shorter by a third or longer by nearly as much again. The roll is called three times within the nominal time, so that it
+//! is called twice within the shortest. Only a reset stops the watchdog once it runs.
 //!
-//! A task may keep a frame for the time of the longest frame plus the watchdog's time; after that the watchdog is not
+//! A task may keep a frame for the time of the longest frame plus the watchdog's time. After that the watchdog is not
 //! fed.
 
 use multidrop::protocol::message::Message;
@@ -18,7 +18,7 @@ pub struct Watchdog {
     ms: u16,
 }
 
-/// LSI, nominally, in kHz.
+/// The nominal rate of LSI, in kHz.
 const LSI_KHZ: u32 = 32;
 /// RLR has 12 bits (RM0090 21.4.3).
 const COUNTS: u32 = 4096;
@@ -27,7 +27,7 @@ impl Watchdog {
     /// The default of two seconds.
     pub const DEFAULT: Self = Self::ms::<2000>();
 
-    /// A nominal time in ms, 32..=32768: up to 4096 any, up to 8192 even ones, above them multiples of 4, from 16384 on of 8.
+    /// A nominal time in ms, 32..=32768: any up to 4096, even ones up to 8192, multiples of 4 above, of 8 from 16384 on.
     ///
     /// # Panics
     /// At compile time, for any other value.
@@ -84,11 +84,11 @@ mod running {
     /// The watchdog's time in ms.
     static TIME_MS: AtomicU16 = AtomicU16::new(0);
 
-    /// How often to look whether PR and RLR have been taken over, which takes up to 5 periods of LSI (RM0090 21.4.4): 1 ms of
-    /// CPU time and more. An LSI that does not run must not keep the board from starting.
+    /// How often to check whether PR and RLR are taken over, which takes up to 5 periods of LSI (RM0090 21.4.4): 1 ms of CPU time
+    /// and more. Limited, since an LSI that does not run must not keep the board from starting.
     const PATIENCE: u32 = 100_000;
 
-    /// Starts it. The order is the one of later manuals of the same block (RM0390 20.3.2): only the running LSI takes PR and
+    /// Starts the watchdog. The order is that of later manuals of the same block (RM0390 20.3.2): only the running LSI takes PR and
     /// RLR over.
     pub(crate) fn start(watchdog: Watchdog) {
         TIME_MS.store(watchdog.ms, Ordering::Relaxed);
@@ -105,7 +105,7 @@ mod running {
         IWDG.kr().write_value(key(Key::RESET));
     }
 
-    /// A key alone in KR (RM0090 21.4.1).
+    /// The value of KR for a key (RM0090 21.4.1).
     fn key(key: Key) -> Kr {
         let mut kr = Kr(0);
         kr.set_key(key);
@@ -154,7 +154,7 @@ mod running {
         }
     }
 
-    /// Twice within the shortest time that a nominal one may be, 32/47 of it.
+    /// The period of the roll: two periods are within the shortest time that a nominal one may be, 32/47 of it.
     fn period_ms(time_ms: u32) -> u32 {
         time_ms / 3
     }

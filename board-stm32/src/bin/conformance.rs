@@ -1,5 +1,5 @@
-//! Every function over a fixed map, for conformance tests: unit 17 on RS4, at 38400 baud, RTU 8N1 or ASCII 7E1,
-//! if not built otherwise.
+//! A server with every function over a fixed map, for conformance tests: unit 17 on RS4, at 38400 baud, RTU 8N1 or ASCII 7E1,
+//! unless built for others.
 #![no_std]
 #![no_main]
 
@@ -12,7 +12,7 @@ use multidrop::{PortConfig, Shared};
 use multidrop_apps::conformance::{Conformance, EVENTS, UNIT};
 use static_cell::{ConstStaticCell, StaticCell};
 
-/// With 32 records in file 4.
+/// The data model, with 32 records in file 4.
 type Model = Shared<Conformance<32>>;
 type Port = multidrop::ServerPort<Usart, Counted<EVENTS>>;
 
@@ -44,7 +44,7 @@ fn main() -> ! {
 
     static PORT_CELL: StaticCell<Port> = StaticCell::new();
     let port = PORT_CELL.init(Port::counted(line, &PORT));
-    // Where it is built is where it stays: it is too much to move.
+    // The model stays where it is built: it is too large to move.
     static MODEL: ConstStaticCell<Model> =
         ConstStaticCell::new(Shared::new(Conformance::new("stm32")));
     let model = MODEL.take();

@@ -26,7 +26,7 @@ const PORT: PortConfig = PortConfig::new("RS4")
 /// The time of one bit.
 const BIT: Duration = Duration::from_micros(1_000_000_u64.div_ceil(BAUD as u64));
 
-/// From t1.5, when an answer is worked out, into the middle of one with 16 registers, which has 370 bits.
+/// The bits from t1.5, when an answer is worked out, to the middle of an answer with 16 registers, which has 370 bits.
 const INTO_THE_ANSWER: u32 = 170;
 
 /// Where RAM, and with it the stack, ends (RM0090 2.3.1).
@@ -42,7 +42,7 @@ multidrop::tasks! {
         &Shared::new(Faults::new(asked, board_stm32::reset_cause(), board_stm32::stack)),
     );
 
-    /// Fails as it is asked to.
+    /// Fails in the way that the request selects.
     fn fail(port: &'static ServerPort<Usart>, asked: &'static Asked) = async move {
         loop {
             let failure = asked.wait().await;
@@ -50,7 +50,7 @@ multidrop::tasks! {
             match failure {
                 Failure::Panic => panic!(),
                 Failure::PanicInInterrupt => {
-                    // SAFETY: its handler is below.
+                    // SAFETY: the handler of the interrupt is below.
                     unsafe { interrupt::SPI1.enable() };
                     NVIC::pend(pac::Interrupt::SPI1);
                 }
@@ -68,11 +68,11 @@ multidrop::tasks! {
                         cortex_m::asm::nop();
                     }
                 }
-                // RM0090 30.6.4: TXEIE and TCIE. The port has both in the one write by which it sends.
+                // RM0090 30.6.4: TXEIE and TCIE. The port sets either of them with `Registers::send`.
                 Failure::LostReady => pac::UART4.cr1().modify(|w| w.set_txeie(false)),
                 Failure::Keep => keep(port).await,
                 Failure::OverflowStack => {
-                    // Into what guards its end, and no farther: without that nothing would come of it.
+                    // The stack grows into the guard at its end, and no farther: without the guard nothing would happen.
                     let end = RAM_END - board_stm32::stack().size - 64;
                     use_up_stack(&|| {
                         let here = 0_u8;
@@ -80,7 +80,7 @@ multidrop::tasks! {
                     });
                 }
                 Failure::LostSent => {
-                    // Whenever the port sets it, until long after.
+                    // Clears TCIE each time that the port sets it, until long after the answer.
                     for _ in 0..400 {
                         pac::UART4.cr1().modify(|w| w.set_tcie(false));
                         Timer::after(BIT).await;

@@ -1,13 +1,13 @@
-//! Four ports at once.
+//! Four ports that work at the same time.
 //!
 //! | port | is |
 //! |---|---|
-//! | AS1 | slave 10, RTU 38400 8N1: tells a PC what was collected, loads all ports' registers, and routes units 1, 2 and 3 to RS4 |
+//! | AS1 | slave 10, RTU 38400 8N1: gives a PC the collected values, loads all ports' registers, routes units 1, 2 and 3 to RS4 |
 //! | AS2 | slave 1, ASCII 19200 7E1: 16 registers and 16 coils of its own; routes units 11, 12 and 13 to 1, 2 and 3 on RS4 |
-//! | RS2 | prints what RS4 asks and hears, 230400 8N1 |
+//! | RS2 | prints what RS4 sends and hears, 230400 8N1 |
 //! | RS4 | master, RTU 38400 8N1: polls register 0 of units 1, 2 and 3 by scan list |
 //!
-//! `multidrop_apps::ports` has what a PC finds on AS1 at unit 10.
+//! `multidrop_apps::ports` describes what a PC finds on AS1 at unit 10.
 #![no_std]
 #![no_main]
 
@@ -45,7 +45,7 @@ const PORTS: [PortConfig; 4] = manager::table([
 ]);
 // ANCHOR_END: table
 
-/// How long RS4 waits for a unit at first, and what the printer takes for one's answer.
+/// How long RS4 waits for a unit at first. The printer takes a frame within this time for the unit's answer.
 const TIMEOUT_MS: u32 = 50;
 
 /// The tasks that send requests on RS4: the run task of its registers, the poll list, the routers.
@@ -79,7 +79,7 @@ multidrop::tasks! {
 // ANCHOR_END: tasks
 
 // ANCHOR: routes
-/// Leads from these units to 1, 2 and 3 on RS4.
+/// Makes the routes from these units to 1, 2 and 3 on RS4.
 fn routes(rs4: &'static Rs4, units: [u8; 3]) -> [Route<Usart, CLIENTS>; 3] {
     let through = rs4.client_as_set();
     core::array::from_fn(|place| Route {

@@ -1,4 +1,4 @@
-//! The yardstick image: N of each table from address 0, on RS4 at 38400 8N1 if not built otherwise.
+//! The yardstick image: N of each table from address 0, on RS4 at 38400 8N1, unless built for others.
 #![no_std]
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! The chip itself: 168 MHz from a crystal of 8 MHz, or from the chip's own oscillator without one; TIM5's four compare channels as alarms.
+//! The chip: 168 MHz from a crystal of 8 MHz, or else from the chip's own oscillator. TIM5's four compare channels are the alarms.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -19,26 +19,26 @@ use crate::Clock;
 use crate::ports::{APB1_HZ, APB2_HZ, PORTS};
 use crate::usart;
 
-/// The crystal, in Hz. For another one change PREDIV with it.
+/// The crystal, in Hz. For another crystal change PREDIV too.
 const CRYSTAL_HZ: u32 = 8_000_000;
 const PREDIV: PllPreDiv = PllPreDiv::DIV4;
 
-/// The chip's own oscillator, which runs after reset (RM0090 7.2.2), and what makes the same of it.
+/// The chip's own oscillator, which runs after reset (RM0090 7.2.2), in Hz, and the divider for the PLL's input.
 const INTERNAL_HZ: u32 = 16_000_000;
 const INTERNAL_PREDIV: PllPreDiv = PllPreDiv::DIV8;
 const _: () = assert!(INTERNAL_HZ / INTERNAL_PREDIV.to_bits() as u32 == PLL_IN_HZ);
 
-/// How long the crystal has to begin to swing; 2 ms are usual (DS, HSE oscillator characteristics).
+/// How long the crystal may take to begin to swing, in us; 2 ms are usual (DS, HSE oscillator characteristics).
 const CRYSTAL_PATIENCE_US: u32 = 100_000;
 
-/// Whether this is built to be looked into: then the debugger sees a chip that sleeps, and what it stops stands still.
+/// Whether the build is for a debugger: the debugger then sees a sleeping chip, and timers stop with a halted CPU.
 const IS_DEBUG: bool = cfg!(debug_assertions) || cfg!(feature = "defmt");
 
-/// That the crystal does not swing.
+/// Whether the crystal does not swing, so that the chip's own oscillator is in use.
 static IS_INTERNAL: AtomicBool = AtomicBool::new(false);
 
-/// What the PLL is fed with: 1 to 2 MHz, of which the latter is recommended, as its output is the cleaner for it
-/// (RM0090 7.3.2). The multiplier below is for that.
+/// The input of the PLL: 1 to 2 MHz. The manual recommends 2 MHz, with which the output is cleaner (RM0090 7.3.2). The multiplier
+/// below is for 2 MHz.
 const PLL_IN_HZ: u32 = CRYSTAL_HZ / PREDIV.to_bits() as u32;
 const _: () = assert!(
     PLL_IN_HZ == 2_000_000 && CRYSTAL_HZ.is_multiple_of(PLL_IN_HZ),
@@ -51,10 +51,10 @@ const _: () = assert!(CPU_HZ / 4 == APB1_HZ && CPU_HZ / 4 == APB2_HZ);
 const PRESCALER: u16 = 2;
 const _: () = assert!(2 * APB1_HZ / PRESCALER as u32 == crate::TICK_HZ);
 
-/// CC1 of TIM5's SR, DIER and EGR (RM0090 18.4.4 to 18.4.6); those of the other channels follow it.
+/// CC1 of TIM5's SR, DIER and EGR (RM0090 18.4.4 to 18.4.6). The bits of the other channels follow it.
 const CC1: u32 = 1 << 1;
 
-/// Clocks, `embassy-time`, the alarms' timer and the interrupts of the line. Once.
+/// Starts clocks, `embassy-time`, the alarms' timer and the interrupts of the line. To be called once.
 pub(crate) fn init() -> Peripherals {
     let mut config = embassy_stm32::Config::default();
     let has_crystal = crystal_swings();
@@ -82,12 +82,12 @@ pub(crate) fn init() -> Peripherals {
     config.rcc.ahb_pre = AHBPrescaler::DIV1;
     config.rcc.apb1_pre = APBPrescaler::DIV4;
     config.rcc.apb2_pre = APBPrescaler::DIV4;
-    // Else those of DMA, which an application may use, go before characters.
+    // Otherwise the interrupts of DMA, which an application may use, go before characters.
     config.dma_interrupt_priority = OTHERS;
     config.enable_debug_during_sleep = IS_DEBUG;
     let peripherals = embassy_stm32::init(config);
     if IS_DEBUG {
-        // While the CPU is halted: else the watchdog would reset it, and alarms would be long past (RM0090 38.16.4).
+        // For a halted CPU: otherwise the watchdog would reset it, and alarms would be long past (RM0090 38.16.4).
         pac::DBGMCU.apb1fzr().modify(|w| {
             w.set_iwdg(true);
             w.set_tim2(true);
@@ -95,7 +95,7 @@ pub(crate) fn init() -> Peripherals {
         });
     }
 
-    // Prefetch and both caches (RM0090 3.9.1), which `init` leaves off: without them a fetch waits for up to five
+    // Prefetch and both caches (RM0090 3.9.1), which `init` leaves off: without them an instruction fetch waits for up to five
     // cycles.
     pac::FLASH.acr().modify(|w| {
         w.set_prften(true);
@@ -114,8 +114,8 @@ pub(crate) fn init() -> Peripherals {
     peripherals
 }
 
-/// Has the crystal begin to swing; if it does not, switches it off again. TIM5 counts the chip's own oscillator meanwhile: in
-/// us, since APB1 is not divided after reset (RM0090 7.2, 7.3.3).
+/// Returns whether the crystal swings, and switches it off if it does not. TIM5 counts the chip's own oscillator meanwhile, in us,
+/// since APB1 is not divided after reset (RM0090 7.2, 7.3.3).
 fn crystal_swings() -> bool {
     pac::RCC.apb1enr().modify(|w| w.set_tim5en(true));
     pac::RCC.apb1enr().read();
@@ -138,7 +138,7 @@ fn crystal_swings() -> bool {
     swings
 }
 
-/// What the clocks are made of.
+/// The source of the clocks.
 #[inline(always)]
 pub(crate) fn clock() -> Clock {
     if IS_INTERNAL.load(Ordering::Relaxed) {
@@ -154,8 +154,8 @@ fn enable(interrupt: pac::Interrupt, priority: Priority) {
     unsafe { interrupt.enable() };
 }
 
-/// TIM5 counts up and round, 32 bits wide (RM0090 18.3.1). Its channels are compare channels, frozen, as after
-/// reset: a match sets CCxIF and nothing else (RM0090 18.3.8).
+/// Starts TIM5, which counts up and round, 32 bits wide (RM0090 18.3.1). Its channels are compare channels, frozen, as after reset:
+/// a match sets CCxIF and nothing else (RM0090 18.3.8).
 fn start_timer() {
     pac::RCC.apb1enr().modify(|w| w.set_tim5en(true));
     pac::RCC.apb1enr().read();
@@ -173,25 +173,25 @@ pub(crate) fn now() -> u32 {
     TIM5.cnt().read()
 }
 
-/// Sets the alarm of `port`; one that is on goes off then, at once if `at` has passed.
+/// Sets the alarm of `port` to tick `at`. An enabled alarm goes off then, or at once if `at` has passed.
 #[inline(always)]
 pub(crate) fn set_alarm(port: usize, at: u32) {
     TIM5.ccr(port).write(|w| *w = at);
-    // A match with what was there before counts no more. Flags are cleared by a 0 (RM0090 18.4.5).
+    // A match with the earlier tick counts no more. Flags are cleared by a 0 (RM0090 18.4.5).
     TIM5.sr().write(|w| w.0 = !(CC1 << port));
     if (now().wrapping_sub(at) as i32) >= 0 {
-        // The match may be missed (RM0090 18.4.6, CCxG).
+        // The timer may miss the match (RM0090 18.4.6, CCxG).
         TIM5.egr().write(|w| w.0 = CC1 << port);
     }
 }
 
-/// Lets the alarm of `port` go off.
+/// Enables the alarm of `port`.
 #[inline(always)]
 pub(crate) fn alarm_on(port: usize) {
     TIM5.dier().modify(|w| w.0 |= CC1 << port);
 }
 
-/// No alarm of `port` until the next [`alarm_on`].
+/// Disables the alarm of `port` until the next [`alarm_on`].
 #[inline(always)]
 pub(crate) fn alarm_off(port: usize) {
     TIM5.dier().modify(|w| w.0 &= !(CC1 << port));
@@ -200,7 +200,7 @@ pub(crate) fn alarm_off(port: usize) {
 #[interrupt]
 fn TIM5() {
     let due = TIM5.sr().read().0 & TIM5.dier().read().0;
-    // One at a time: characters come between. The others keep the interrupt pending.
+    // One alarm at a time: characters come between. The other alarms keep the interrupt pending.
     if let Some(port) = (0..PORTS).find(|port| due & CC1 << port != 0) {
         TIM5.sr().write(|w| w.0 = !(CC1 << port));
         usart::on_alarm(port);

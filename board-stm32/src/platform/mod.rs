@@ -1,8 +1,8 @@
-//! What differs between the chip and QEMU's idea of it: clocks and the alarms of the ports. Everything else is the
-//! same source in both.
+//! The differences between the chip and its model in QEMU: clocks and the alarms of the ports. All other source code is the same
+//! for both.
 //!
-//! Both modules have the same functions. Those about ports are called from interrupts of the line, which
-//! do not nest, or with interrupts off; `port` is the place in [`WIRING`](crate::ports::WIRING).
+//! Both modules have the same functions. The functions for ports are called from interrupts of the line, which do not nest, or with
+//! interrupts off; `port` is the place in [`WIRING`](crate::ports::WIRING).
 
 #[cfg(feature = "hardware")]
 mod hardware;
@@ -28,17 +28,17 @@ use embassy_stm32::interrupt::Priority;
 const CHARACTERS: Priority = Priority::P0;
 /// The priority of the alarm interrupts, in one group with [`CHARACTERS`].
 const ALARMS: Priority = Priority::P1;
-/// What the line's interrupts may interrupt.
+/// The priority of interrupts that the line's interrupts may interrupt.
 #[cfg(feature = "hardware")]
 const OTHERS: Priority = Priority::P8;
 
-/// PRIGROUP of AIRCR: the highest bit of a priority is its group, the other three bits say who goes first (ARMv7-M
+/// PRIGROUP of AIRCR: the highest bit of a priority is its group, the other three bits say which interrupt goes first (ARMv7-M
 /// B3.2.6; PM0214 4.4.5).
 pub(crate) const PRIORITY_GROUPS: u32 = 6 << 8;
 
 fn group_priorities() {
     const VECTKEY: u32 = 0x05FA << 16;
-    // SAFETY: AIRCR holds nothing else that is kept.
+    // SAFETY: AIRCR has no other field that keeps a value.
     unsafe {
         (*cortex_m::peripheral::SCB::PTR)
             .aircr

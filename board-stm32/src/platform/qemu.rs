@@ -1,8 +1,8 @@
-//! QEMU's `olimex-stm32-h405`. It has the USARTs, EXTI, SysTick and counting timers; it has no PLL, no compare
-//! channels and no pins. TIM5 counts as on the chip. In place of its channels SysTick is set to the nearest of the
-//! ports' alarms and that of `embassy-time`, whose clock TIM2 is.
+//! QEMU's `olimex-stm32-h405`. It has the USARTs, EXTI, SysTick and counting timers, but no PLL, no compare channels and no pins.
+//! TIM5 counts as on the chip. In place of its channels SysTick is set to the nearest alarm, of the ports or of `embassy-time`. The
+//! clock of `embassy-time` is TIM2.
 //!
-//! Nor has it any time in its USARTs: the simulated bus sets TXE and TC as silicon does.
+//! QEMU's USARTs have no time either: the simulated bus sets TXE and TC as silicon does.
 
 use core::arch::asm;
 use core::cell::{RefCell, UnsafeCell};
@@ -35,26 +35,26 @@ const CPU_TICKS: u32 = 84;
 const LINE_TICKS: u32 = 25;
 const _: () = assert!(168_000_000 / CPU_TICKS == TICK_HZ / LINE_TICKS);
 
-/// The farthest that SysTick is set, in ticks of TIM5: it has 24 bits. It is looked at again then.
+/// The farthest that SysTick is set, in ticks of TIM5: SysTick has 24 bits. The alarms are checked again then.
 const FARTHEST: u32 = 4_000_000;
 
-/// The alarm of `embassy-time`, behind those of the ports.
+/// The place of the alarm of `embassy-time`, after those of the ports.
 const TIME: usize = PORTS;
 
-/// What goes off when. Bit `n` of the masks is the alarm `at[n]`.
+/// All alarms and their ticks. Bit `n` of the masks is the alarm `at[n]`.
 struct Alarms {
     at: [u32; PORTS + 1],
     on: u32,
-    /// Those that have not gone off since they were set.
+    /// The alarms that have not gone off since they were set.
     armed: u32,
-    /// When SysTick goes off.
+    /// The tick at which SysTick goes off.
     next: u32,
 }
 
-/// [`Alarms`], for interrupts of the line, which do not nest, and with interrupts off.
+/// The cell of [`Alarms`], for interrupts of the line, which do not nest, and for code with interrupts off.
 struct AlarmsCell(UnsafeCell<Alarms>);
 
-// SAFETY: see above.
+// SAFETY: interrupts of the line use it, which do not nest, and code with interrupts off.
 unsafe impl Sync for AlarmsCell {}
 
 static ALARMS: AlarmsCell = AlarmsCell(UnsafeCell::new(Alarms {
@@ -64,14 +64,14 @@ static ALARMS: AlarmsCell = AlarmsCell(UnsafeCell::new(Alarms {
     next: 0,
 }));
 
-/// The one there is.
+/// Gives the one [`Alarms`] of the board.
 #[inline(always)]
 fn alarms() -> &'static mut Alarms {
-    // SAFETY: callers are interrupts of the line or have interrupts off, and keep it for a statement only.
+    // SAFETY: callers are interrupts of the line or have interrupts off, and keep the reference for a statement only.
     unsafe { &mut *ALARMS.0.get() }
 }
 
-/// Timers and interrupts. Once.
+/// Starts timers and interrupts. To be called once.
 pub(crate) fn init() -> Peripherals {
     pac::RCC.apb1enr().modify(|w| {
         w.set_tim2en(true);
@@ -86,7 +86,7 @@ pub(crate) fn init() -> Peripherals {
     group_priorities();
     for interrupt in usart::INTERRUPTS {
         interrupt.set_priority(CHARACTERS);
-        // SAFETY: each has its handler in this crate.
+        // SAFETY: each interrupt has its handler in this crate.
         unsafe { interrupt.enable() };
     }
     critical_section::with(|_| {
@@ -103,11 +103,11 @@ pub(crate) fn init() -> Peripherals {
         systick.enable_interrupt();
         systick.enable_counter();
     });
-    // SAFETY: nobody else has them: `embassy_stm32::init` is not called here, and this once.
+    // SAFETY: no other code has the peripherals: `embassy_stm32::init` is not called here, and this is called once.
     unsafe { Peripherals::steal() }
 }
 
-/// QEMU has no oscillators.
+/// The source of the clocks: QEMU has no oscillators.
 #[inline(always)]
 pub(crate) const fn clock() -> crate::Clock {
     crate::Clock::Crystal
@@ -119,20 +119,20 @@ pub(crate) fn now() -> u32 {
     TIM5.cnt().read()
 }
 
-/// How long it is from `now` until `at`; 0 if that has passed.
+/// The ticks from `now` until `at`; 0 if `at` has passed.
 #[inline(always)]
 fn until(at: u32, now: u32) -> u32 {
     let left = at.wrapping_sub(now);
     if left as i32 > 0 { left } else { 0 }
 }
 
-/// Sets the alarm of `port`; one that is on goes off then, at once if `at` has passed.
+/// Sets the alarm of `port` to tick `at`. An enabled alarm goes off then, or at once if `at` has passed.
 #[inline(always)]
 pub(crate) fn set_alarm(port: usize, at: u32) {
     alarms().set(port, at);
 }
 
-/// Lets the alarm of `port` go off.
+/// Enables the alarm of `port`.
 #[inline(always)]
 pub(crate) fn alarm_on(port: usize) {
     let alarms = alarms();
@@ -140,7 +140,7 @@ pub(crate) fn alarm_on(port: usize) {
     alarms.hasten(port);
 }
 
-/// No alarm of `port` until the next [`alarm_on`].
+/// Disables the alarm of `port` until the next [`alarm_on`].
 #[inline(always)]
 pub(crate) fn alarm_off(port: usize) {
     alarms().on &= !(1 << port);
@@ -171,21 +171,21 @@ impl Alarms {
         self.start_timer(now, left);
     }
 
-    /// Sets SysTick to `left` ticks from `now`. It counts RVR + 1 cycles, from when CVR is written (ARMv7-M B3.3.1).
+    /// Sets SysTick to `left` ticks from `now`. SysTick counts RVR + 1 cycles, from the write of CVR (ARMv7-M B3.3.1).
     #[inline(always)]
     fn start_timer(&mut self, now: u32, left: u32) {
         self.next = now.wrapping_add(left);
         // SAFETY: SysTick is this module's.
         let systick = unsafe { &*SYST::PTR };
-        // SAFETY: any value of 24 bits but 0.
+        // SAFETY: any value of 24 bits but 0 is valid.
         unsafe {
             systick.rvr.write((left * CPU_TICKS / LINE_TICKS).max(1));
             systick.cvr.write(0);
         }
     }
 
-    /// Of the alarms that are on and have not gone off the one that does so first, with the ticks until then: 0 if it is
-    /// due, [`FARTHEST`] if there is none before.
+    /// The alarm that goes off first, of those that are on and have not gone off, with the ticks until then: 0 if the alarm is due,
+    /// [`FARTHEST`] if no alarm is due before.
     #[inline(always)]
     fn nearest(&self, now: u32) -> (usize, u32) {
         let mut nearest = (TIME, FARTHEST);
@@ -207,13 +207,13 @@ fn SysTick() {
     let now = now();
     let (alarm, left) = alarms().nearest(now);
     if left > 0 {
-        // It was put off meanwhile.
+        // The alarm was put off meanwhile.
         return alarms().start_timer(now, left);
     }
     alarms().armed &= !(1 << alarm);
-    // Whatever is set meanwhile is seen below.
+    // The code below sees an alarm that is set meanwhile.
     alarms().next = now;
-    // One at a time: characters come between. For the others it interrupts again.
+    // One alarm at a time: characters come between. SysTick interrupts again for the other alarms.
     if alarm == TIME {
         critical_section::with(|cs| CLOCK.borrow_ref_mut(cs).look());
     } else {
@@ -224,7 +224,7 @@ fn SysTick() {
 
 /// The clock of `embassy-time`.
 struct Clock {
-    /// TIM2 when it was last read, and how often it has gone round.
+    /// The last count of TIM2, and how often TIM2 has gone round.
     count: u32,
     turns: u32,
     queue: Queue,
@@ -246,7 +246,7 @@ impl Clock {
         u64::from(self.turns) << 32 | u64::from(count)
     }
 
-    /// Wakes what is due and sets the alarm for the next. Also once within each turn of TIM2.
+    /// Wakes the tasks that are due and sets the alarm for the next one. Runs also once within each turn of TIM2.
     fn look(&mut self) {
         const RATIO: u32 = TICK_HZ / embassy_time::TICK_HZ as u32;
         let now = self.now();
@@ -291,7 +291,7 @@ impl embassy_time_driver::Driver for Driver {
 
 embassy_time_driver::time_driver_impl!(static DRIVER: Driver = Driver);
 
-/// A task is in the queue.
+/// Whether a task is in the queue.
 static WORK: AtomicBool = AtomicBool::new(false);
 
 #[unsafe(export_name = "__pender")]
@@ -299,7 +299,7 @@ fn pender(_context: *mut ()) {
     WORK.store(true, Ordering::Relaxed);
 }
 
-/// Runs tasks for ever. Between them the CPU does nothing, but it does not sleep: asleep it would have no time.
+/// Runs tasks for ever. Between them the CPU does nothing, but it does not sleep: for a sleeping CPU no time would pass.
 pub(crate) fn run(init: impl FnOnce(Spawner)) -> ! {
     static EXECUTOR: StaticCell<raw::Executor> = StaticCell::new();
     let executor: &'static raw::Executor = EXECUTOR.init(raw::Executor::new(core::ptr::null_mut()));
@@ -312,14 +312,14 @@ pub(crate) fn run(init: impl FnOnce(Spawner)) -> ! {
     }
 }
 
-/// Waits for work. By its symbol a simulator tells these instructions from those that do something.
-/// A run of instructions that do nothing costs it next to nothing; it is as long as an interrupt may have to
-/// wait, 32 x 8 ns.
+/// Waits for work. A simulator tells these instructions from working ones by the symbol of this function. A run of
+/// instructions that do nothing costs the simulator next to nothing. The run is as long as an interrupt may have to wait, 32 x
+/// 8 ns.
 #[inline(never)]
 #[unsafe(export_name = "multidrop_idle")]
 fn idle() {
     while !WORK.load(Ordering::Relaxed) {
-        // SAFETY: changes nothing.
+        // SAFETY: the instructions change nothing.
         unsafe {
             asm!(
                 ".rept 32",

@@ -1,4 +1,4 @@
-//! A port as the [`Chip`] of a line: its interrupts, where its [`State`] is, and how it is set up.
+//! A port as the [`Chip`] of a line: its interrupts, its [`State`] and its setup.
 
 use core::cell::Cell;
 use core::ptr::NonNull;
@@ -16,7 +16,7 @@ use super::state::{ADUS, Driver, SHARED, State};
 use crate::platform;
 use crate::ports::{PORTS, WIRING};
 
-/// The interrupts of the ports, in their order.
+/// The interrupts of the ports, in the order of the ports.
 pub(crate) const INTERRUPTS: [Interrupt; PORTS] = [
     Interrupt::USART1,
     Interrupt::USART2,
@@ -44,27 +44,27 @@ fn UART4() {
     on_usart::<3>();
 }
 
-/// In each port's interrupt with the addresses of what is the port's.
+/// Handles the interrupt of port `PORT`. Inlined in each interrupt, so that the addresses of the port's state are constants.
 #[inline(always)]
 fn on_usart<const PORT: usize>() {
     // SAFETY: in an interrupt of the line, see `Shared`.
     unsafe { &mut *SHARED[PORT].get() }.on_usart();
 }
 
-/// The alarm of `port` went off. From an interrupt of the line only.
+/// Handles the alarm of `port`. To be called from an interrupt of the line only.
 #[inline(never)]
 pub(crate) fn on_alarm(port: usize) {
-    // SAFETY: as demanded.
+    // SAFETY: the caller is an interrupt of the line.
     unsafe { &mut *SHARED[port].get() }.on_alarm();
 }
 
-/// Called `ms` milliseconds after the last call. Returns whether no port's frame is lent for longer than the longest frame takes, and
-/// the watchdog's time.
+/// Returns whether no port's frame is lent for longer than the longest frame takes plus the watchdog's time. Called `ms`
+/// milliseconds after the last call.
 pub(crate) fn no_frame_is_stuck(ms: u32, time_ms: u32) -> bool {
     critical_section::with(|_| {
-        // Each port counts, also behind one that is stuck.
+        // Every port counts its time, even after a port that is stuck.
         let stuck = SHARED.iter().filter(|shared| {
-            // SAFETY: interrupts are off and this is not called from where they are too.
+            // SAFETY: interrupts are off, and no code that has them off calls this.
             !unsafe { &mut *shared.get() }.may_keep_frame(ms, time_ms)
         });
         stuck.count() == 0
@@ -78,14 +78,14 @@ pub type Usart = ChipLine<UsartChip>;
 pub struct UsartChip {
     adu: &'static LineBuffer,
     port: u8,
-    /// RTS and CTS are the port's.
+    /// RTS and CTS belong to the port.
     has_handshake: bool,
     observer: Cell<Option<&'static dyn Observer>>,
 }
 
-/// Sets port `port` up: pins with DE low, then receiver and transmitter on. The bus is not driven. It
-/// listens once the bus was silent for t3.5. A port whose rate `baud` the clock does not make stays off: with
-/// pins and all, until it is configured for another. To be called once for each port.
+/// Sets port `port` up: pins with DE low, then receiver and transmitter on. The bus is not driven. The port listens once the bus
+/// was silent for t3.5. If the clock does not make the rate `baud`, the port stays off, with its pins set up, until it is
+/// configured for another rate. To be called once for each port.
 pub(crate) fn open(port: usize, settings: Settings, baud: u32) -> Usart {
     let chip = UsartChip {
         adu: &ADUS[port],
@@ -102,12 +102,12 @@ pub(crate) fn open(port: usize, settings: Settings, baud: u32) -> Usart {
             baud
         );
     }
-    // SAFETY: a port has one state and one buffer, which its interrupts use as the machine says; it is opened once.
+    // SAFETY: a port has one state and one buffer, and its interrupts use them as the machine says. A port is opened once.
     unsafe { ChipLine::new(chip, checked.is_ok().then_some(&settings)) }
 }
 
 impl UsartChip {
-    /// With interrupts off.
+    /// Calls `f` with the state of the port, with interrupts off.
     #[inline(always)]
     fn with_state<R>(&self, f: impl FnOnce(&mut State) -> R) -> R {
         critical_section::with(|_| {

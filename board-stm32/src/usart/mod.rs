@@ -4,13 +4,13 @@
 //! complete the frame; no task is woken per byte. The alarm completes the frame at t1.5, judges it when 23/24
 //! of t3.5 are over, and at t3.5 starts an answer that is ready by then from within the interrupt.
 //!
-//! RXNE comes near the end of a character, so by itself it tells only a whole character late that one began
-//! within t1.5. The pending bit that EXTI sets on a falling edge of RXD serves as a start-bit detector: polled
-//! when the alarm goes off, never as an interrupt.
+//! RXNE comes near the end of a character, so by itself it shows only a whole character late that the character began within t1.5.
+//! The pending bit that EXTI sets on a falling edge of RXD serves as a start-bit detector: it is polled when the alarm goes off,
+//! and never interrupts.
 //!
-//! So an application must leave EXTI to the ports: embassy-stm32's feature `exti`, whose interrupt handler takes and masks
-//! the pending bits of all lines, is not for an image with this crate. Its own interrupts it gives priority P8 or
-//! lower: higher ones delay characters.
+//! An application must leave EXTI to the ports. So the feature `exti` of embassy-stm32, whose interrupt handler takes and masks the
+//! pending bits of all lines, is not for an image with this crate. The application gives its own interrupts priority P8 or lower:
+//! higher ones delay characters.
 
 pub(crate) mod settings;
 

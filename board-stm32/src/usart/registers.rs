@@ -1,5 +1,5 @@
-//! The registers of one USART, its pins, and the pending bit of EXTI that stands in for a start-bit detector.
-//! All of it is the same in QEMU, which ignores what it does not model.
+//! The registers of one USART, its pins, and the pending bit of EXTI that serves as a start-bit detector. The code is the same for
+//! QEMU, which ignores what it does not model.
 
 use embassy_stm32::pac::gpio::{Gpio, vals::Moder, vals::Ospeedr, vals::Pupdr};
 use embassy_stm32::pac::{self, EXTI, SYSCFG, usart::Usart};
@@ -13,15 +13,15 @@ const PE: u32 = 1 << 0;
 const FE: u32 = 1 << 1;
 const NF: u32 = 1 << 2;
 pub(crate) const ORE: u32 = 1 << 3;
-/// What can be wrong with a character.
+/// The bits for errors of a character.
 pub(crate) const ERRORS: u32 = PE | FE | NF | ORE;
 pub(crate) const RXNE: u32 = 1 << 5;
-/// All has left, stop bits included.
+/// All bits have left the transmitter, stop bits included.
 pub(crate) const TC: u32 = 1 << 6;
 /// The transmitter takes another character.
 pub(crate) const TXE: u32 = 1 << 7;
 
-/// Bits of CR1 (RM0090 30.6.4). The interrupt enables stand where SR has their flags.
+/// Bits of CR1 (RM0090 30.6.4). Each interrupt enable has the bit position that its flag has in SR.
 const RE: u32 = 1 << 2;
 const TE: u32 = 1 << 3;
 const RXNEIE: u32 = RXNE;
@@ -39,12 +39,12 @@ const ALWAYS: u32 = UE | TE;
 pub(crate) struct Registers {
     port: u8,
     usart: Usart,
-    /// RXD's line of EXTI, as a bit.
+    /// The EXTI line of RXD, as a bit.
     line: u32,
 }
 
 impl Registers {
-    /// Those of this port.
+    /// The registers of this port.
     pub const fn of(port: usize) -> Self {
         let usart = match port {
             0 => pac::USART1,
@@ -65,14 +65,14 @@ impl Registers {
         self.usart.sr().read().0
     }
 
-    /// What was received. With SR read before, this clears RXNE and the errors (RM0090 30.6.1).
+    /// Takes the received character. After a read of SR this clears RXNE and the errors (RM0090 30.6.1).
     #[inline(always)]
     pub fn take(&self) -> u8 {
         self.usart.dr().read().0 as u8
     }
 
-    /// Hands a character to the transmitter. TC is cleared by a 0 (RM0090 30.6.1), behind the write: a character that ended
-    /// just before it, since this is late, must not be taken for this one.
+    /// Hands a character to the transmitter. A 0 clears TC (RM0090 30.6.1) after the write: if this call is late, an earlier
+    /// character has ended just before, and its TC must not be taken for the TC of this character.
     #[inline(always)]
     pub fn put(&self, character: u8) {
         self.usart
@@ -81,8 +81,8 @@ impl Registers {
         self.usart.sr().write_value(pac::usart::regs::Sr(!TC));
     }
 
-    /// Drops what the transmitter holds, which nothing else is said to do: the USART as after a reset of the chip, for
-    /// [`set_up`](Self::set_up) (RM0090 7.3.8, 7.3.9).
+    /// Resets the USART as a reset of the chip does, for [`set_up`](Self::set_up) (RM0090 7.3.8, 7.3.9). The manual names no other
+    /// way to drop the character that the transmitter holds.
     pub fn reset(&self) {
         let rcc = pac::RCC;
         for on in [true, false] {
@@ -95,8 +95,8 @@ impl Registers {
         }
     }
 
-    /// Baud rate and format. The transmitter stays on from here: with TE it sends an idle character first
-    /// (RM0090 30.3.2), which would delay each frame. It is not on the bus while DE is down.
+    /// Sets baud rate and format. The transmitter stays on from here: with TE it sends an idle character first (RM0090 30.3.2),
+    /// which would delay each frame. It does not drive the bus while DE is down.
     pub fn set_up(&self, settings: &Settings) {
         let usart = self.usart;
         // UE off: rate and format must not change under way (RM0090 30.3.4, 30.6.4).
@@ -114,19 +114,19 @@ impl Registers {
         self.listen(settings);
     }
 
-    /// Receiver on, with its interrupt.
+    /// Turns the receiver on, with its interrupt.
     #[inline(always)]
     pub fn listen(&self, settings: &Settings) {
-        // What was received up to now is of no interest: reading SR and DR clears it. Nor what RXD did: a transceiver may
-        // have heard itself.
+        // Reading SR and DR clears the characters received up to now. The edges of RXD are cleared too: a transceiver may have
+        // heard itself.
         self.status();
         self.take();
         self.clear_start_bit();
         self.control(settings, RE | RXNEIE);
     }
 
-    /// Receiver off: a transceiver that hears itself is not heard. The interrupt of the flags `interrupt` of SR
-    /// is on.
+    /// Turns the receiver off, so that a transceiver that hears itself is not heard. Enables the interrupt of the flags `interrupt`
+    /// of SR.
     #[inline(always)]
     pub fn send(&self, settings: &Settings, interrupt: u32) {
         self.control(settings, interrupt);
@@ -139,20 +139,20 @@ impl Registers {
         ));
     }
 
-    /// Whether RXD has fallen since [`clear_start_bit`](Self::clear_start_bit): once a character is complete
-    /// only a start bit, or noise, does that.
+    /// Whether RXD has fallen since [`clear_start_bit`](Self::clear_start_bit). After a complete character only a start bit, or
+    /// noise, makes it fall.
     #[inline(always)]
     pub fn start_bit_seen(&self) -> bool {
         EXTI.pr(0).read().0 & self.line != 0
     }
 
-    /// Forgets it, by writing a one (RM0090 12.3.6).
+    /// Clears the start-bit detector, by writing a one (RM0090 12.3.6).
     #[inline(always)]
     pub fn clear_start_bit(&self) {
         EXTI.pr(0).write_value(pac::exti::regs::Lines(self.line));
     }
 
-    /// The DE pin. Once for each frame: it costs no RAM to look it up.
+    /// The DE pin. It is looked up once for each frame, which costs no RAM.
     fn de(&self) -> Option<Pin> {
         WIRING[usize::from(self.port) % PORTS].de
     }
@@ -162,7 +162,7 @@ impl Registers {
         self.de().is_some()
     }
 
-    /// DE up. The upper half of BSRR clears, the lower sets (RM0090 8.4.7).
+    /// Takes DE up. The upper half of BSRR clears, the lower half sets (RM0090 8.4.7).
     #[inline(always)]
     pub fn raise_de(&self) {
         if let Some(pin) = self.de() {
@@ -181,8 +181,8 @@ impl Registers {
     }
 }
 
-/// What the error bits of SR mean. A character on which the three samples of a bit disagree counts as
-/// damaged: an LRC would let one such in 256 pass.
+/// The receive errors that the error bits of SR report. A character on which the three samples of a bit disagree counts as damaged:
+/// an LRC would let one such character in 256 pass.
 #[inline(always)]
 pub(crate) fn errors(status: u32) -> ReceiveErrors {
     let mut errors = ReceiveErrors::NONE;
@@ -198,7 +198,7 @@ pub(crate) fn errors(status: u32) -> ReceiveErrors {
     errors
 }
 
-/// Clocks of all ports' USARTs and of their GPIOs, and of SYSCFG (RM0090 7.3.10, 7.3.13, 7.3.14).
+/// Enables the clocks of all ports' USARTs and GPIOs, and of SYSCFG (RM0090 7.3.10, 7.3.13, 7.3.14).
 pub(crate) fn enable_clocks() {
     pac::RCC.ahb1enr().modify(|w| {
         w.set_gpioaen(true);
@@ -219,15 +219,15 @@ pub(crate) fn enable_clocks() {
     pac::RCC.apb2enr().read();
 }
 
-/// Connects the pins of a port but those of the handshake, its RXD to EXTI too. DE is low before it is an output.
+/// Connects the pins of a port except those of the handshake, and its RXD to EXTI. DE is low before it becomes an output.
 pub(crate) fn connect(wiring: &Wiring) {
     let line = usize::from(wiring.rx.number);
-    // Falling edges only: a start bit is one (RM0090 9.2.3 to 9.2.6, 12.3.4).
+    // Falling edges only: a start bit begins with one (RM0090 9.2.3 to 9.2.6, 12.3.4).
     SYSCFG
         .exticr(line / 4)
         .modify(|w| w.set_exti(line % 4, wiring.rx.gpio as u8 - b'A'));
     EXTI.ftsr(0).modify(|w| w.set_line(line, true));
-    // The manual promises the pending bit only with this; the interrupt stays off in the NVIC (RM0090 12.2.4, 12.3.1).
+    // The manual promises the pending bit only with this bit set; the interrupt stays off in the NVIC (RM0090 12.2.4, 12.3.1).
     EXTI.imr(0).modify(|w| w.set_line(line, true));
     if let Some(de) = wiring.de {
         output(de);
@@ -236,8 +236,8 @@ pub(crate) fn connect(wiring: &Wiring) {
     connect_pin(wiring.rx, wiring.function);
 }
 
-/// Connects RTS and CTS of a port, or makes them inputs again. When the USART is on: RTS would say before that there is
-/// somebody who listens (ES0182, RTS is active while RE or UE is 0).
+/// Connects RTS and CTS of a port, or makes them inputs again. To be called when the USART is on: an earlier RTS would report a
+/// receiver that does not listen yet (ES0182, RTS is active while RE or UE is 0).
 pub(crate) fn connect_handshake(wiring: &Wiring, on: bool) {
     for pin in wiring
         .handshake
@@ -253,16 +253,16 @@ pub(crate) fn connect_handshake(wiring: &Wiring, on: bool) {
     }
 }
 
-/// An output, low. The others of its port stay as they are.
+/// Makes a pin an output, low. The other pins of its GPIO stay as they are.
 fn output(pin: Pin) {
     let (gpio, n) = (gpio(pin), usize::from(pin.number));
     gpio.bsrr().write(|w| w.set_br(n, true));
     gpio.moder().modify(|w| w.set_moder(n, Moder::OUTPUT));
 }
 
-/// A pin of the USART (RM0090 8.3.2): function first, then mode, so that it is never something else. Pulled
-/// up: an open line is idle, and so is TX while the USART is off to be set up. Edges one step faster than the slowest,
-/// so that they take little of a bit at 2 Mbaud (DS, I/O AC characteristics).
+/// Connects a pin to the USART (RM0090 8.3.2): function first, then mode, so that the pin never has another function. The pull-up
+/// keeps an open line idle, and TX while the USART is off for its setup. Edges are one step faster than the slowest, so that they
+/// take little of a bit at 2 Mbaud (DS, I/O AC characteristics).
 fn connect_pin(pin: Pin, function: u8) {
     let (gpio, n) = (gpio(pin), usize::from(pin.number));
     gpio.afr(n / 8).modify(|w| w.set_afr(n % 8, function));
@@ -288,7 +288,7 @@ const fn gpio(pin: Pin) -> Gpio {
     }
 }
 
-/// The outputs of the demonstration unit, low.
+/// Makes those of `pins` on GPIOC outputs, low: the outputs of the demonstration unit.
 pub(crate) fn outputs_on_gpioc(pins: u16) {
     for n in 0..16 {
         if pins >> n & 1 != 0 {
@@ -300,7 +300,7 @@ pub(crate) fn outputs_on_gpioc(pins: u16) {
     }
 }
 
-/// Sets those of `pins` on GPIOC that are on in `levels`, clears the others, in one step (RM0090 8.4.7).
+/// Sets those of `pins` on GPIOC that are on in `levels`, clears the others of `pins`, in one step (RM0090 8.4.7).
 pub(crate) fn write_gpioc(pins: u16, levels: u16) {
     let set = u32::from(levels & pins);
     let clear = u32::from(!levels & pins) << 16;

@@ -16,11 +16,11 @@ const PS: u16 = 1 << 9;
 /// STOP of CR2 (RM0090 30.6.5): two stop bits.
 const STOP_2: u16 = 0b10 << 12;
 
-/// A client judges a frame this part of the time from t1.5 to t3.5 before t3.5: 250 us above 19200 baud, in
-/// which it makes its next request.
+/// A client judges a frame before t3.5 by this part of the time from t1.5 to t3.5: 250 us above 19200 baud. The client makes its
+/// next request in that time.
 const JUDGED_EARLY_CLIENT: u32 = 4;
 
-/// Everything about a line that depends on its configuration and the clocks.
+/// All values of a line that follow from its configuration and the clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     pub(crate) brr: u16,
@@ -28,24 +28,24 @@ pub struct Settings {
     pub(crate) cr1: u16,
     /// The stop bits of CR2.
     pub(crate) cr2: u16,
-    /// What of a received word is data.
+    /// The data bits of a received word, as a mask.
     pub(crate) data: u8,
-    /// What is added to a byte that is sent, and must be in one that is received.
+    /// The bits that are added to a byte that is sent, and must be set in a byte that is received.
     pub(crate) mark: u8,
     pub(crate) framing: Framing,
     pub(crate) rts_cts: bool,
-    /// For how long the peer may hold a character.
+    /// For how long the peer may hold back a character.
     pub(crate) cts_timeout_ms: u16,
-    /// In ticks of the ports' timer.
+    /// The intervals of the line, in ticks of the ports' timer.
     pub(crate) intervals: Intervals,
-    /// The register DE_LEAD.
+    /// The value of the register DE_LEAD.
     pub(crate) de_lead_us: u16,
-    /// RESPONSE_DELAY, where the port answers.
+    /// RESPONSE_DELAY, or 0 where the port is a client.
     pub(crate) response_delay_ms: u16,
 }
 
 impl Settings {
-    /// Nothing set up yet.
+    /// The settings of a port that is not set up yet.
     pub(crate) const NONE: Settings = Settings {
         brr: 0,
         cr1: 0,
@@ -65,10 +65,10 @@ impl Settings {
         if self.data == 0x7F { 7 } else { 8 }
     }
 
-    /// Whether the rate `baud`, which these are for, is within 2.5 % if the clock may be off by `clock_ppm` parts per million.
+    /// Checks that the rate `baud` of these settings is within 2.5 %, if the clock may be off by `clock_ppm` parts per million.
     ///
     /// # Errors
-    /// [`LineError::Baud`].
+    /// [`LineError::Baud`] if the rate is off by more.
     pub(crate) const fn check_clock(
         &self,
         clock_hz: u32,
@@ -87,16 +87,16 @@ impl Settings {
         }
     }
 
-    /// Settings for `config`, for a USART with a clock of `clock_hz` (up to 100 MHz) and a timer with one of
-    /// `tick_hz` (up to 55 MHz).
+    /// Settings for `config`, for a USART with a clock of `clock_hz` (up to 100 MHz) and a timer with a clock of `tick_hz` (up to
+    /// 55 MHz).
     ///
-    /// RXNE is set with the samples of the stop bit, of the first where there are two: not before sample 8
-    /// of 16, or 4 of 8 (RM0090 30.3.3; for two stop bits it has the end of the first). The most that can be
-    /// left of the character is added, rounded up: no interval is ever cut short.
+    /// RXNE is set with the samples of the stop bit, of the first one of two: not before sample 8 of 16, or 4 of 8 (RM0090 30.3.3;
+    /// for two stop bits the manual has the end of the first). The most that can be left of the character is added, rounded up, so
+    /// that no interval is ever cut short.
     ///
     /// # Errors
-    /// [`LineError::Format`] for RTU with seven data bits; [`LineError::Baud`] for a rate over 2 Mbaud, or
-    /// one that is off by more than 2.5 %, or too slow for the divider (641 baud at 42 MHz).
+    /// [`LineError::Format`] for RTU with seven data bits; [`LineError::Baud`] for a rate over 2 Mbaud, off by more than 2.5 %, or
+    /// too slow for the divider (641 baud at 42 MHz).
     pub const fn new(config: &LineConfig, clock_hz: u32, tick_hz: u32) -> Result<Self, LineError> {
         let (baud, format) = (config.baud, config.format);
         if matches!(config.framing, Framing::Rtu) && format.data_bits() != 8 {
@@ -136,9 +136,9 @@ impl Settings {
     }
 }
 
-/// A character format in the registers of the USART. Its word is 8 or 9 bits with parity counted in
-/// (RM0090 30.6.4, M), so that seven bits and parity are a word of 8, and seven bits without parity and two
-/// stop bits are eight of which the last is always one.
+/// A character format in the registers of the USART. The USART's word has 8 or 9 bits, parity included (RM0090 30.6.4, M). So seven
+/// bits with parity are a word of 8 bits. Seven bits without parity and with two stop bits are eight bits, of which the last is
+/// always one.
 struct Bits {
     cr1: u16,
     cr2: u16,
@@ -169,8 +169,8 @@ impl Bits {
     }
 }
 
-/// RM0090 30.3.7, frame formats: M and PCE, then PS, and STOP of CR2; what is data, and what is always one. The build stops where
-/// they are not these.
+/// Compares the formats with RM0090 30.3.7, frame formats: M and PCE, then PS, and STOP of CR2; the data bits, and the bit that is
+/// always one. A difference stops the build.
 const _: () = {
     let expected = [
         (LineFormat::F8N1, 0x0000, 0x0000, 0xFF, 0x00),
@@ -190,10 +190,10 @@ const _: () = {
         assert!(made.data_bits() == format.data_bits());
         i += 1;
     }
-    // Eight samples a bit are OVER8's.
+    // OVER8 takes eight samples a bit.
     let fast = made(2_000_000, Framing::Rtu, LineFormat::F8N1, 16_000_000);
     assert!(fast.brr == 0x10 && fast.cr1 == OVER8);
-    // What is left of a character: 9 sixteenths of its stop bit, 10 with eight samples.
+    // The rest of a character is 9 sixteenths of its stop bit, 10 with eight samples.
     let slow = made(38_400, Framing::Rtu, LineFormat::F8N1, 42_000_000);
     assert!(slow.intervals.t3_5 == 73_500 + 616);
     assert!(fast.intervals.t3_5 == 28_000 + 5);
@@ -215,7 +215,7 @@ const _: () = {
     assert!(matches!(seven, Err(LineError::Format(LineFormat::F7E1))));
 };
 
-/// Of a server, with a timer as fast as the USART.
+/// Settings of a server, with a timer as fast as the USART.
 const fn made(baud: u32, framing: Framing, format: LineFormat, clock_hz: u32) -> Settings {
     let config = LineConfig {
         baud,

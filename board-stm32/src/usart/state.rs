@@ -1,7 +1,7 @@
-//! What the interrupts and the futures of a port share: the state machine of
+//! The state that the interrupts and the futures of a port share: the state machine of
 //! [`protocol::line`](multidrop::protocol::line), and the chip as its [`Wire`].
 //!
-//! The interrupts of the line, which do not nest, and the futures, with interrupts off, are the only users.
+//! Only the interrupts of the line, which do not nest, and the futures with interrupts off use this state.
 
 use core::cell::UnsafeCell;
 
@@ -20,7 +20,7 @@ use crate::{TICK_HZ, platform};
 /// The buffers, apart from [`State`], so that they start as zeros and take no flash.
 pub(super) static ADUS: [LineBuffer; PORTS] = [const { LineBuffer::new() }; PORTS];
 
-/// [`State`] of a port.
+/// The cell of the [`State`] of a port.
 pub(super) struct Shared(UnsafeCell<State>);
 
 // SAFETY: used by interrupts that do not nest, and with interrupts off.
@@ -51,32 +51,32 @@ pub(super) struct State {
 /// Bytes of the longest frame without its check (SER 2.5.1).
 const LONGEST: u8 = 254;
 
-/// What the transmitter is to be ready for.
+/// The event of the transmitter that the port waits for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Awaited {
-    /// The port listens.
+    /// No event: the port listens.
     Nothing,
-    /// The next character.
+    /// The transmitter takes the next character.
     Ready,
-    /// The end of the last one.
+    /// The last character has been sent.
     Sent,
 }
 
-/// A port's USART, alarm and start-bit detector, as they are set up, and its tasks.
+/// The USART, alarm and start-bit detector of a port as they are set up, and the wakers of its tasks.
 pub struct Driver {
     port: u8,
-    /// The port's of [`ADUS`].
+    /// The buffer of the port in [`ADUS`].
     adu: &'static LineBuffer,
     registers: Registers,
     settings: Settings,
     reception: Reception,
     ascii: Ascii,
     awaited: Awaited,
-    /// What the alarm was last set to.
+    /// The tick to which the alarm was last set.
     alarm_at: u32,
-    /// Ticks from there to the end of the time for which the port may send; before that of what an answer has to wait for.
+    /// Ticks from `alarm_at` to the end of the time for which the port may send; before that, to the end of an answer's delay.
     bound_left: u32,
-    /// For how many ms a frame is lent, as the watchdog sees it.
+    /// For how many ms a frame has been lent, as the watchdog counts it.
     lent_ms: u32,
     pub(super) receiver: WakerRegistration,
     pub(super) user: WakerRegistration,
@@ -103,8 +103,8 @@ impl State {
         }
     }
 
-    /// Called `ms` milliseconds after the last call. Returns whether a frame that is lent may be kept still. It may for as long as the longest frame takes and is
-    /// delayed or held, and the watchdog's time, and the ms in which it was lent.
+    /// Returns whether a frame that is lent may still be kept: for as long as the longest frame takes and is delayed or held, for
+    /// the watchdog's time, and for the ms in which it was lent. Called `ms` milliseconds after the last call.
     pub fn may_keep_frame(&mut self, ms: u32, time_ms: u32) -> bool {
         let driver = &mut self.driver;
         if !self.machine.is_lent() {
@@ -124,8 +124,8 @@ impl State {
     }
 
     // ANCHOR: usart
-    /// The USART's interrupt. What nearly all of them are, one more good character of an RTU frame in or out, is dealt
-    /// with here.
+    /// The interrupt of the USART. It handles the most frequent event here: one more good character of an RTU frame, received or
+    /// sent.
     #[inline(always)]
     pub fn on_usart(&mut self) {
         let driver = &mut self.driver;
@@ -150,7 +150,7 @@ impl State {
     }
     // ANCHOR_END: usart
 
-    /// Every other interrupt.
+    /// Handles every other event of the USART.
     #[inline(never)]
     fn on_event(&mut self, status: u32) {
         let driver = &mut self.driver;
@@ -170,20 +170,20 @@ impl State {
         if driver.settings.framing == Framing::Ascii {
             let word = driver.registers.take();
             if word & driver.settings.mark != driver.settings.mark {
-                // The first of two stop bits was none.
+                // The first of two stop bits was missing.
                 errors |= ReceiveErrors::FRAMING;
             }
             let character = word & driver.settings.data;
             return self.machine.on_ascii_character(driver, character, errors);
         }
-        // A byte that no longer fits is the reception's to note. A character that was not taken interrupts again (RM0090
+        // The reception notes a byte that no longer fits. A character that the machine did not take interrupts again (RM0090
         // 30.3.3).
         if let Some(byte) = self.machine.on_character(driver, errors, false) {
             driver.push(byte);
         }
     }
 
-    /// The port's alarm.
+    /// Handles the alarm of the port.
     #[inline(always)]
     pub fn on_alarm(&mut self) {
         self.machine.on_alarm(&mut self.driver);
@@ -202,14 +202,14 @@ impl Driver {
         self.ascii.set_delimiter(delimiter);
     }
 
-    /// A character came: the silence behind it begins.
+    /// Begins the silence after a character.
     #[inline(always)]
     fn begin_silence(&mut self) {
         self.set_alarm(platform::now().wrapping_add(self.settings.intervals.to_complete));
         self.registers.clear_start_bit();
     }
 
-    /// The next byte of the RTU frame; returns whether there was room for it.
+    /// Stores the next byte of the RTU frame. Returns whether there was room for the byte.
     #[inline(always)]
     fn push(&mut self, byte: u8) -> bool {
         // SAFETY: the machine collects a frame, and has a byte stored, only while the buffer is the line's.
@@ -223,7 +223,7 @@ impl Driver {
         platform::set_alarm(self.port.into(), at);
     }
 
-    /// Sets the alarm to the end of the bound, or as far towards it as goes.
+    /// Sets the alarm to the end of the bound, or [`FARTHEST`] ticks towards it.
     fn set_bound(&mut self) {
         let ticks = self.bound_left.min(FARTHEST);
         self.bound_left -= ticks;
@@ -231,7 +231,7 @@ impl Driver {
         self.alarm_on();
     }
 
-    /// With flow control the peer may hold each character for CTS_TIMEOUT, behind the one under way.
+    /// Limits the time of a character: with flow control the peer may hold it for CTS_TIMEOUT, after the character under way.
     #[inline(never)]
     fn await_cts(&mut self) {
         let ticks = u32::from(self.settings.cts_timeout_ms) * (crate::TICK_HZ / 1000);
@@ -252,7 +252,7 @@ impl Driver {
     }
 }
 
-/// The farthest that an alarm is set: what is more counts as passed.
+/// The most ticks to which an alarm is set: a tick farther away counts as passed.
 const FARTHEST: u32 = 1 << 30;
 
 impl Wire for Driver {
@@ -335,7 +335,7 @@ impl Wire for Driver {
 
     #[inline(always)]
     fn adu(&self) -> &Adu {
-        // SAFETY: read while an answer is sent; those bytes are not changed then.
+        // SAFETY: these bytes are read while an answer is sent, and are not changed then.
         unsafe { self.adu.pointer().as_ref() }
     }
 

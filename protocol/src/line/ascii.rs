@@ -113,7 +113,7 @@ impl LineMachine {
         };
         match step {
             Decoded::More if ascii.errors().is_empty() => {}
-            Decoded::More => self.tell_silence(wire),
+            Decoded::More => self.wake_waiting(wire),
             Decoded::Byte { at, byte } => {
                 if self.buffer == Buffer::Free {
                     wire.store(at, byte);
@@ -139,7 +139,7 @@ impl LineMachine {
         wire.alarm_on();
         self.withhold(wire);
         if !damaged.is_empty() {
-            self.tell(wire, damaged);
+            self.count_damaged(wire, damaged);
         }
     }
 
@@ -157,7 +157,7 @@ impl LineMachine {
             self.verdict = Verdict::Stands;
             wire.wake_receiver();
         } else {
-            self.tell(wire, heard.errors);
+            self.count_damaged(wire, heard.errors);
         }
     }
 
@@ -166,7 +166,7 @@ impl LineMachine {
         let Some(ascii) = wire.ascii() else { return };
         if self.phase == Phase::Begun {
             let errors = ascii.reception.errors() | ReceiveErrors::GAP;
-            self.tell(wire, errors);
+            self.count_damaged(wire, errors);
             return self.on_free(wire);
         }
         let rest = match ascii.fortieths.checked_sub(1) {

@@ -151,9 +151,9 @@ impl LineMachine {
         self.phase == Phase::Collecting && self.errors.is_empty()
     }
 
-    /// Handles a character with the errors that the USART found in it. `full` says that the buffer has no room for it. The driver
-    /// has set the alarm to the end of the silence that would complete the frame. A driver that keeps a
-    /// [`Reception`](crate::rtu::Reception) passes `false`: the reception itself finds a frame that is too long.
+    /// Handles a character with the errors that the USART found in it. `full`: the buffer has no room for it; a driver with a
+    /// [`Reception`](crate::rtu::Reception), which finds that out itself, passes `false`. The driver has set the alarm to the end
+    /// of the silence that would complete the frame.
     ///
     /// Returns a byte to store. If this did not [take](Wire::take) the character, the byte is the character before: the new
     /// character is still in the USART, and the driver calls this for it once more.
@@ -200,7 +200,7 @@ impl LineMachine {
         let byte = wire.take();
         // Only a frame without errors is stored: a damaged frame may come while the buffer is lent.
         if !self.errors.is_empty() {
-            self.tell_silence(wire);
+            self.wake_waiting(wire);
             return None;
         }
         if self.buffer != Buffer::Free {
@@ -212,17 +212,16 @@ impl LineMachine {
         Some(byte)
     }
 
-    /// Notes that the buffer has no room for the incoming frame. A driver calls this after it has stored a character without a call
-    /// of [`on_character`](LineMachine::on_character).
+    /// Notes that the incoming frame is too long, for a driver that stores without [`on_character`](LineMachine::on_character).
     #[inline(always)]
     pub fn on_too_long<W: Wire>(&mut self, wire: &mut W) {
         self.errors |= ReceiveErrors::LENGTH;
-        self.tell_silence(wire);
+        self.wake_waiting(wire);
     }
 
     /// Wakes the task that waits for the verdict, for silence, or for a good frame.
     #[inline(always)]
-    fn tell_silence<W: Wire>(&mut self, wire: &mut W) {
+    fn wake_waiting<W: Wire>(&mut self, wire: &mut W) {
         if self.silence_awaited {
             self.silence_awaited = false;
             wire.wake_user();
@@ -291,7 +290,7 @@ impl LineMachine {
         }
         if !self.errors.is_empty() {
             let errors = core::mem::take(&mut self.errors);
-            self.tell(wire, errors);
+            self.count_damaged(wire, errors);
         }
         if W::HAS_DELAYS {
             wire.begin_delay();
@@ -299,7 +298,7 @@ impl LineMachine {
         if !wire.alarm(Interval::ToStart) {
             self.on_t3_5(wire);
         }
-        self.tell_silence(wire);
+        self.wake_waiting(wire);
     }
 
     /// Waits for the character of a start bit: it comes within the time of one character, or the start bit was noise. A start bit
@@ -312,7 +311,7 @@ impl LineMachine {
 
     /// Reports a damaged frame that is over.
     #[inline(always)]
-    fn tell<W: Wire>(&mut self, wire: &mut W, errors: ReceiveErrors) {
+    fn count_damaged<W: Wire>(&mut self, wire: &mut W, errors: ReceiveErrors) {
         self.damaged |= errors;
         self.damaged_count = self.damaged_count.saturating_add(1);
         wire.wake_receiver();

@@ -153,7 +153,7 @@ impl LineMachine {
                 None => self.transmission = Transmission::new(),
             }
         }
-        self.tell_silence(wire);
+        self.wake_waiting(wire);
         wire.frame_is_back();
     }
 }

@@ -108,6 +108,8 @@ impl Copy {
         let mut cargo = repo::cargo();
         cargo
             .current_dir(&self.folder)
+            // A folder that the copies share would have what was built of the other one.
+            .env_remove("CARGO_TARGET_DIR")
             .args(["test", "--package", &test.package])
             .stdin(Stdio::null())
             .stderr(Stdio::null());

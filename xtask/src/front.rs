@@ -36,11 +36,7 @@ pub fn check(root: &Path) -> Result<Vec<String>, Error> {
 
 /// Checks the programs of the repository.
 pub fn run(tally: &mut Tally) {
-    let faults = check(repo::root()).unwrap_or_else(|error| vec![error.message().to_owned()]);
-    for fault in &faults {
-        println!("{fault}");
-    }
-    tally.check("lines of the first programs", faults.is_empty());
+    tally.faults("lines of the first programs", check(repo::root()));
 }
 
 /// The faults of one program. Blank lines and comments do not count.

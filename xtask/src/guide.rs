@@ -110,11 +110,7 @@ pub fn check(root: &Path) -> Result<Vec<String>, Error> {
 
 /// Checks the texts, builds the guide if mdbook is there, and the API documentation.
 pub fn run(tally: &mut Tally) {
-    let faults = check(repo::root()).unwrap_or_else(|error| vec![error.message().to_owned()]);
-    for fault in &faults {
-        println!("{fault}");
-    }
-    tally.check("links and code of README and guide", faults.is_empty());
+    tally.faults("links and code of README and guide", check(repo::root()));
 
     let name = "build of the guide";
     let of_ours = repo::root().join("target/tools/bin/mdbook");

@@ -16,11 +16,7 @@ const RULES: [(&str, &str); 3] = [
 
 /// Counts the check of all manifests.
 pub fn run(tally: &mut Tally) {
-    let faults = check(repo::root()).unwrap_or_else(|error| vec![error.message().to_owned()]);
-    for fault in &faults {
-        println!("{fault}");
-    }
-    tally.check("layers: what crates depend on", faults.is_empty());
+    tally.faults("layers: what crates depend on", check(repo::root()));
 }
 
 fn check(root: &Path) -> Result<Vec<String>, Error> {

@@ -54,11 +54,7 @@ pub fn check(root: &Path) -> Result<Vec<String>, Error> {
 
 /// Checks the sources of the repository.
 pub fn run(tally: &mut Tally) {
-    let faults = check(repo::root()).unwrap_or_else(|error| vec![error.message().to_owned()]);
-    for fault in &faults {
-        println!("{fault}");
-    }
-    tally.check("length and paths of all sources", faults.is_empty());
+    tally.faults("length and paths of all sources", check(repo::root()));
 }
 
 /// The path of the file that a line takes.

@@ -1,5 +1,6 @@
 //! Counting checks and tests, whatever tool runs them.
 
+use crate::error::Error;
 use std::fmt;
 
 /// How many passed and failed, which failed, and which were skipped.
@@ -31,6 +32,15 @@ impl Tally {
                 failed: usize::from(!passed),
             },
         );
+    }
+
+    /// Prints the faults that a check of the repository has found, and counts the check as passed if there are none.
+    pub fn faults(&mut self, name: &str, found: Result<Vec<String>, Error>) {
+        let faults = found.unwrap_or_else(|error| vec![error.message().to_owned()]);
+        for fault in &faults {
+            println!("{fault}");
+        }
+        self.check(name, faults.is_empty());
     }
 
     /// Adds the tests that a tool ran. A tool that failed and counts no failure (its tests did not
@@ -171,5 +181,17 @@ mod tests {
             tally.to_string(),
             "unit tests: failed\npython: no test was run\n1 passed, 2 failed"
         );
+    }
+
+    #[test]
+    fn a_check_passes_only_without_a_fault() {
+        let counted = |found| {
+            let mut tally = Tally::default();
+            tally.faults("a check", found);
+            tally.is_good()
+        };
+        assert!(counted(Ok(Vec::new())));
+        assert!(!counted(Ok(vec!["a fault".to_owned()])));
+        assert!(!counted(Err(Error::failed("no such file"))));
     }
 }

@@ -44,11 +44,7 @@ pub fn check(root: &Path) -> Result<Vec<String>, Error> {
 
 /// Checks the doc comments of the repository.
 pub fn run(tally: &mut Tally) {
-    let faults = check(repo::root()).unwrap_or_else(|error| vec![error.message().to_owned()]);
-    for fault in &faults {
-        println!("{fault}");
-    }
-    tally.check("words of doc comments", faults.is_empty());
+    tally.faults("words of doc comments", check(repo::root()));
 }
 
 /// The lines of doc comments with a wrong beginning, and what is wrong.
